@@ -1,0 +1,6 @@
+"""Meshes and their topology: frozen arrays, derived data cached on first use."""
+
+from drl_meshgen.mesh.quadmesh import BlockMesh, QuadMesh
+from drl_meshgen.mesh.trimesh import TriMesh
+
+__all__ = ["BlockMesh", "QuadMesh", "TriMesh"]
