@@ -1,0 +1,107 @@
+"""Digest of the source code a stage depends on, so that a changed algorithm is never answered from the store."""
+
+import ast
+import hashlib
+import importlib.metadata
+import sys
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+
+from drl_meshgen.store.canonical import digest
+
+PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def _locate(root: Path, module: str) -> Path | None:
+    """Return the file of a dotted module of the package in `root`, None where there is no such module."""
+    parts = module.split(".")
+    if parts[0] != root.name:
+        return None
+    stem = root.joinpath(*parts[1:])
+    for candidate in (stem / "__init__.py", stem.with_suffix(".py")):
+        if candidate.is_file() and (len(parts) > 1 or candidate.name == "__init__.py"):
+            return candidate
+    return None
+
+
+def _imports(file: Path, module: str) -> Iterator[str]:
+    """Yield every dotted name that a source file imports; `from a import b` yields `a` and `a.b`."""
+    package = module.split(".") if file.name == "__init__.py" else module.split(".")[:-1]
+    for node in ast.walk(ast.parse(file.read_bytes(), str(file))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            name = ".".join([*base, *([node.module] if node.module else [])])
+            yield name
+            yield from (f"{name}.{alias.name}" for alias in node.names)
+
+
+@lru_cache(maxsize=1024)
+def _scan(root: Path, module: str) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
+    """Return a module's file digest, the modules of the package it imports and the other packages it imports."""
+    file = _locate(root, module)
+    if file is None:
+        raise ValueError(f"{module} is not a module of {root.name}")
+    inside, outside = set(), set()
+    for name in _imports(file, module):
+        if name == root.name or name.startswith(f"{root.name}."):
+            inside.add(name)
+        else:
+            outside.add(name.split(".")[0])
+    known = sorted(name for name in inside if _locate(root, name) is not None)
+    foreign = sorted(outside - sys.stdlib_module_names - {""})
+    return hashlib.sha256(file.read_bytes()).hexdigest(), tuple(known), tuple(foreign)
+
+
+def _members(root: Path, module: str) -> tuple[list[str], dict[str, str]]:
+    """Expand a package to all its modules, and digest the data files (templates, weights) that lie beside them."""
+    file = _locate(root, module)
+    if file is None or file.name != "__init__.py":
+        return [module], {}
+    modules, data = [], {}
+    for path in sorted(file.parent.rglob("*")):
+        relative = path.relative_to(root)
+        if not path.is_file() or "__pycache__" in relative.parts:
+            continue
+        if path.suffix == ".py":
+            parts = relative.with_suffix("").parts
+            modules.append(".".join([root.name, *(parts[:-1] if parts[-1] == "__init__" else parts)]))
+        else:
+            data[relative.as_posix()] = hashlib.sha256(path.read_bytes()).hexdigest()
+    return modules, data
+
+
+@lru_cache(maxsize=64)
+def _version(package: str) -> str:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return ""
+
+
+@lru_cache(maxsize=256)
+def source_digest(modules: tuple[str, ...], root: Path = PACKAGE) -> str:
+    """Return the SHA-256 over the source of `modules` and of everything they import within the package in `root`.
+
+    A package stands for all its modules and data files. Imports are followed wherever they stand in the text, so lazy
+    ones count; a module reached through an import does not pull in the `__init__` of its parent packages. Versions of
+    the other packages that are imported join the digest, because a new Gmsh or SciPy is another algorithm.
+    Computed once per process. Raises ValueError for a name that is not a module of the package.
+    """
+    pending, sources, versions = [], {}, {}
+    for module in modules:
+        if _locate(root, module) is None:
+            raise ValueError(f"{module} is not a module of {root.name}")
+        members, data = _members(root, module)
+        pending += members
+        sources.update(data)
+    while pending:
+        module = pending.pop()
+        if module in sources:
+            continue
+        sources[module], inside, outside = _scan(root, module)
+        pending += inside
+        versions.update({name: _version(name) for name in outside})
+    return digest({"sources": sources, "versions": versions})
