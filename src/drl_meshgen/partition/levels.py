@@ -1,0 +1,139 @@
+"""Where on the join tree the surface is cut: one or two isovalues on every arc."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+from drl_meshgen.mesh import TriMesh
+from drl_meshgen.partition.join_tree import Arc, JoinTree
+
+
+@dataclass(frozen=True)
+class PartitionOptions:
+    """How the depth becomes regions. Depth is a log scale: one unit is a factor e of conformal length."""
+
+    smoothing: int = 3
+    """Damped averaging sweeps of the depth before anything else (count)."""
+    persistence: float = 1.5
+    """Tips that rise less above their saddle are noise (depth units)."""
+    min_arc: float = 1.0
+    """Saddles closer than this along an arc are one junction (depth units)."""
+    cap_depth: float = 1.0
+    """How far below a tip its cap is cut off (depth units)."""
+    min_tube: float = 0.5
+    """Two contours on one arc are kept apart by at least this, else one is cut (depth units)."""
+    saddle_clearance: float = 0.25
+    """Closest approach of a contour to a saddle (depth units)."""
+    saddle_reach: float = 1.5
+    """Farthest from a saddle that its contour is looked for (depth units)."""
+    bottleneck: float = 1.3
+    """A tube is put between the boundary and the first junction if its contour is at most this times the boundary."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """One contour to cut: the arc, the isovalue, a tip above it, its length on the surface (model units)."""
+
+    arc: int
+    value: float
+    tip: int
+    length: float
+    reason: str
+
+
+def arc_lengths(
+    surface: TriMesh, depth: Float[np.ndarray, " v"], faces: np.ndarray, values: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Length of the isocontours of `depth` at `values` within `faces` (model units)."""
+    tri = surface.triangles[faces]
+    f = depth[tri]
+    order = np.argsort(f, axis=1, kind="stable")
+    p = np.take_along_axis(surface.vertices[tri], order[..., None], axis=1)
+    lo, mid, hi = np.take_along_axis(f, order, axis=1).T
+
+    def between(k: int, m: int, fk: np.ndarray, fm: np.ndarray, value: float) -> np.ndarray:
+        t = np.clip((value - fk) / np.where(fm > fk, fm - fk, 1.0), 0, 1)[:, None]
+        return p[:, k] + t * (p[:, m] - p[:, k])
+
+    out = np.zeros(len(values))
+    for n, value in enumerate(values.tolist()):
+        on = (lo < value) & (value < hi)
+        far = between(0, 2, lo, hi, value)
+        near = np.where((value < mid)[:, None], between(0, 1, lo, mid, value), between(1, 2, mid, hi, value))
+        out[n] = np.linalg.norm(far - near, axis=1)[on].sum()
+    return out
+
+
+def choose_levels(
+    surface: TriMesh, depth: Float[np.ndarray, " v"], tree: JoinTree, options: PartitionOptions
+) -> tuple[Level, ...]:
+    """Choose the isovalues: each strictly inside its own arc, the shortest contour near a junction preferred."""
+    levels: list[Level] = []
+    boundary = max((_loop_length(surface, loop) for loop in surface.topology.loops), default=0.0)
+    for index, arc in enumerate(tree.arcs):
+        faces = np.isin(tree.basin[surface.triangles], arc.tips).any(1)
+
+        def level(value: float, reason: str, *, index: int = index, arc: Arc = arc, faces: np.ndarray = faces) -> Level:
+            length = float(arc_lengths(surface, depth, faces, np.array([value]))[0])
+            return Level(index, value, arc.tips[0], length, reason)
+
+        def near_saddle(
+            saddle: float, direction: float, *, arc: Arc = arc, faces: np.ndarray = faces
+        ) -> float:
+            gap = arc.high - arc.low
+            first = min(options.saddle_clearance, gap / 3)
+            last = max(first, min(options.saddle_reach, gap / 2))
+            values = saddle + direction * np.linspace(first, last, 9)
+            lengths = arc_lengths(surface, depth, faces, values)
+            return float(values[np.argmax(lengths <= 1.1 * lengths.min())])
+
+        if arc.is_tip and arc.upper < 0:
+            cap = max(arc.high - options.cap_depth, (arc.high + arc.low) / 2)
+            if arc.lower < 0:
+                if arc.high - arc.low > options.cap_depth + 1:
+                    levels.append(level(cap, "cap"))
+                continue
+            root = near_saddle(arc.low, 1.0)
+            if cap - root >= options.min_tube:
+                levels += [level(root, "limb"), level(cap, "cap")]
+            else:
+                levels.append(level(root, "limb and cap"))
+        elif arc.lower < 0:
+            below = level(near_saddle(arc.high, -1.0), "bottleneck")
+            if below.length <= options.bottleneck * boundary and len(surface.topology.loops) == 1:
+                levels.append(below)
+        else:
+            upper, lower = near_saddle(arc.high, -1.0), near_saddle(arc.low, 1.0)
+            if upper - lower >= options.min_tube:
+                levels += [level(lower, "limb"), level(upper, "limb")]
+            else:
+                levels.append(level((upper + lower) / 2, "between junctions"))
+    return tuple(levels)
+
+
+def isovalue_table(tree: JoinTree, levels: tuple[Level, ...]) -> pd.DataFrame:
+    """One row per contour: isovalue, arc (its range, tips, junctions), length, why it was cut."""
+    rows = [
+        {
+            "contour": n,
+            "isovalue": level.value,
+            "reason": level.reason,
+            "length": level.length,
+            "arc": level.arc,
+            "arc_low": tree.arcs[level.arc].low,
+            "arc_high": tree.arcs[level.arc].high,
+            "upper": tree.arcs[level.arc].upper,
+            "lower": tree.arcs[level.arc].lower,
+            "tips": ",".join(map(str, sorted(tree.arcs[level.arc].tips))),
+        }
+        for n, level in enumerate(levels)
+    ]
+    columns = ["contour", "isovalue", "reason", "length", "arc", "arc_low", "arc_high", "upper", "lower", "tips"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _loop_length(surface: TriMesh, loop: np.ndarray) -> float:
+    p = surface.vertices[loop]
+    return float(np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1).sum())

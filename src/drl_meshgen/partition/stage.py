@@ -1,0 +1,177 @@
+"""The partition stage: depth, join tree, contours, regions (paper section 4.3)."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float, Int
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from drl_meshgen.errors import StageError
+from drl_meshgen.mesh import TriMesh
+from drl_meshgen.mesh.topology import Topology
+from drl_meshgen.partition.cutting import CutSurface, cut
+from drl_meshgen.partition.join_tree import join_tree
+from drl_meshgen.partition.levels import Level, PartitionOptions, choose_levels, isovalue_table
+
+
+class Outcome(Enum):
+    """Verdicts of the partition."""
+
+    DONE = "the regions cover the surface"
+    NO_BOUNDARY = "the surface has no boundary, so the depth has no zero level"
+    BAD_REGION = "a region is not a disk, tube or junction with loops"
+
+
+class RegionKind(Enum):
+    """What the contours leave, by Euler characteristic and number of loops."""
+
+    CAP = "cap"
+    TUBE = "tube"
+    JUNCTION = "junction"
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A closed curve of vertices of the cut surface: a contour or a boundary loop."""
+
+    vertices: Int[np.ndarray, " n"]
+    is_boundary: bool
+    level: float
+
+    def arc_length(self, points: Float[np.ndarray, "v 3"]) -> tuple[Float[np.ndarray, " n"], float]:
+        """Position of each vertex along the curve as a share of its length, and the length (model units)."""
+        p = points[self.vertices]
+        step = np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1)
+        total = float(step.sum())
+        return np.r_[0.0, np.cumsum(step[:-1])] / total, total
+
+
+@dataclass(frozen=True)
+class Region:
+    """A connected piece between curves; `loops` are curve ids in increasing order."""
+
+    kind: RegionKind
+    loops: tuple[int, ...]
+    euler: int
+
+
+@dataclass(frozen=True, eq=False)
+class Partition:
+    """Regions of the cut surface. `region (f,)` is the region of each triangle; curves are shared by neighbours."""
+
+    surface: CutSurface
+    curves: tuple[Curve, ...]
+    region: Int[np.ndarray, " f"]
+    regions: tuple[Region, ...]
+    merges: pd.DataFrame
+    isovalues: pd.DataFrame
+    outcome: Outcome
+
+
+def smoothed_depth(surface: TriMesh, u: Float[np.ndarray, " v"], sweeps: int) -> Float[np.ndarray, " v"]:
+    """`f = -u` after `sweeps` damped averages over neighbours; 0 stays 0 on the boundary."""
+    depth = -u.astype(float)
+    topology = surface.topology
+    a, b = topology.edges.T
+    for _ in range(sweeps):
+        total = np.bincount(a, depth[b], len(depth)) + np.bincount(b, depth[a], len(depth))
+        mean = total / np.maximum(topology.valence, 1)
+        depth = np.where(topology.on_boundary, depth, 0.5 * depth + 0.5 * mean)
+    return depth
+
+
+def partition(surface: TriMesh, u: Float[np.ndarray, " v"], options: PartitionOptions | None = None) -> Partition:
+    """Cut `surface` along isocontours of the depth of the log conformal factor `u` into caps, tubes and junctions.
+
+    Raises `StageError` when the surface is closed or a region has no loop.
+    """
+    options = options or PartitionOptions()
+    if not surface.topology.loops:
+        raise StageError("partition", Outcome.NO_BOUNDARY)
+    depth = smoothed_depth(surface, u, options.smoothing)
+    tree = join_tree(surface.topology.edges, depth, options.persistence, options.min_arc)
+    whole = CutSurface.whole(surface, depth)
+    levels, done = [], whole
+    for level in choose_levels(surface, depth, tree, options):
+        inside = filled_superlevel(done, level, int(surface.topology.loops[0][0]))
+        if inside is not None:
+            done = cut(done, inside, level.value, len(levels))
+            levels.append(level)
+    curves = _curves(done, tuple(levels))
+    region, regions = _regions(done, curves)
+    return Partition(done, curves, region, regions, tree.merges, isovalue_table(tree, tuple(levels)), Outcome.DONE)
+
+
+def filled_superlevel(surface: CutSurface, level: Level, root: int) -> np.ndarray | None:
+    """Vertices of the superlevel component of `level` with its holes filled, so that its border is one closed curve.
+
+    A hole is a component of the complement without the vertex `root` (on the main boundary). None when the component
+    is the whole surface or only a tip of it is left.
+    """
+    edges = surface.mesh.topology.edges
+    above = surface.depth > level.value
+    label = _components(edges[above[edges].all(1)], len(above))
+    core = label == label[level.tip]
+    rest = ~core
+    outside = _components(edges[rest[edges].all(1)], len(above))
+    inside = core | (rest & (outside != outside[root]))
+    return inside if above[level.tip] and 3 < inside.sum() < len(inside) - 3 else None
+
+
+def _components(edges: np.ndarray, n: int) -> np.ndarray:
+    graph = coo_matrix((np.ones(len(edges), np.int8), (edges[:, 0], edges[:, 1])), (n, n))
+    return connected_components(graph, directed=False)[1]
+
+
+def trace(edges: Int[np.ndarray, "e 2"]) -> list[Int[np.ndarray, " n"]]:
+    """Order undirected edges into closed curves, each from its smallest vertex towards its smaller neighbour."""
+    around: dict[int, list[int]] = {}
+    for a, b in edges.tolist():
+        around.setdefault(a, []).append(b)
+        around.setdefault(b, []).append(a)
+    curves = []
+    for start in sorted(around):
+        if start not in around:
+            continue
+        curve, before, here = [start], -1, start
+        while True:
+            ahead = [v for v in sorted(around.pop(here)) if v != before]
+            before, here = here, ahead[0]
+            if here == start:
+                break
+            curve.append(here)
+        curves.append(np.array(curve, np.int64))
+    return curves
+
+
+def _curves(surface: CutSurface, levels: tuple[Level, ...]) -> tuple[Curve, ...]:
+    edges = surface.mesh.topology.edges
+    c = surface.contour
+    curves = []
+    for n, level in enumerate(levels):
+        curves += [Curve(v, False, level.value) for v in trace(edges[(c[edges] == n).all(1)])]
+    return (*curves, *(Curve(loop, True, 0.0) for loop in surface.mesh.topology.loops))
+
+
+def _regions(surface: CutSurface, curves: tuple[Curve, ...]) -> tuple[np.ndarray, tuple[Region, ...]]:
+    topology = surface.mesh.topology
+    c = surface.contour[topology.edges]
+    open_edge = (topology.edge_count == 2) & ~((c[:, 0] >= 0) & (c[:, 0] == c[:, 1]))
+    label = _components(topology.edge_faces[open_edge], len(surface.mesh.triangles))
+    curve_of = np.full(len(surface.mesh.vertices), -1)
+    for n, curve in enumerate(curves):
+        curve_of[curve.vertices] = n
+    regions = []
+    for r in range(label.max() + 1):
+        piece = Topology(len(surface.mesh.vertices), surface.mesh.triangles[label == r])
+        loops = tuple(sorted(int(curve_of[loop[0]]) for loop in piece.loops))
+        if not loops:
+            raise StageError("partition", Outcome.BAD_REGION, f"region {r} has no loop")
+        kind = RegionKind.CAP if piece.euler == 1 else RegionKind.JUNCTION
+        if piece.euler == 0 and len(loops) == 2:
+            kind = RegionKind.TUBE
+        regions.append(Region(kind, loops, piece.euler))
+    return label, tuple(regions)
