@@ -116,12 +116,17 @@ class _State:
         worst = float(np.abs(self.residual).max(initial=0.0))
         return worst if np.isfinite(worst) else np.inf
 
+    @property
+    def broken(self) -> int:
+        """Number of triangles that break the triangle inequality."""
+        return int(self.corners.broken.sum())
+
 
 def solve(surface: TriMesh, options: RicciOptions | None = None, *, throw: bool = True) -> RicciResult:
     """Find the flat metric of `surface` in its discrete conformal class.
 
-    Intrinsic Delaunay flips at u = 0, then Newton's method with Ptolemy flips. Where this breaks down, fixed connectivity
-    with the convex extension is the fallback, and broken triangles are reported.
+    Intrinsic Delaunay flips at u = 0, then Newton's method with Ptolemy flips. Where this breaks down, fixed
+    connectivity with the convex extension is the fallback, and broken triangles are reported.
 
     Raises `StageError` for a closed surface and for a disk target that does not fit, and, unless `throw=False`, when
     no usable metric was found.
@@ -192,8 +197,8 @@ def _line_search(
         u[target.free] += length * du
         trial = _evaluate(surface, triangulation, u, target, may_flip=may_flip)
         flips, triangulation = flips + trial.flips, trial.triangulation
-        finite = np.isfinite(trial.error)
-        if finite and (float(trial.residual @ du) <= 0.1 * slope or trial.error <= 0.5 * state.error):
+        allowed = np.isfinite(trial.error) and (target.convex or trial.broken <= state.broken)
+        if allowed and (float(trial.residual @ du) <= 0.1 * slope or trial.error <= 0.5 * state.error):
             return _State(u, triangulation, trial.corners, trial.curvature, trial.residual, flips), length
         length /= 2
     return None, 0.0
@@ -232,7 +237,7 @@ def _verdict(state: _State, options: RicciOptions, otherwise: Outcome) -> Outcom
         return Outcome.NOT_FINITE
     if state.error >= USABLE_ERROR:
         return otherwise
-    if state.corners.broken.any():
+    if state.broken:
         return Outcome.BROKEN
     return Outcome.CONVERGED if state.error <= options.tolerance else Outcome.COARSE
 
@@ -245,7 +250,7 @@ def _row(step: int, state: _State, length: float, cost: LinearSolve, flips: int)
         "cg_iterations": cost.iterations,
         "flips": flips,
         "refactored": cost.refactored,
-        "broken": int(state.corners.broken.sum()),
+        "broken": state.broken,
         "total_curvature": float(state.curvature.sum()),
     }
 

@@ -25,9 +25,11 @@ class Target(Protocol):
     """A boundary condition: which vertices move, the curvature they shall get, and Newton's step towards it."""
 
     free: Int[np.ndarray, " n"]
+    convex: bool
+    """Whether `K - K_target` is the gradient of a convex function, so that steps through broken triangles are safe."""
 
     def curvature(self, triangulation: Triangulation, u: Float[np.ndarray, " v"]) -> Float[np.ndarray, " n"]:
-        """Target curvature of the free vertices in radians; NaN where the metric admits none."""
+        """Return the target curvature of the free vertices in radians; NaN where the metric admits none."""
         ...
 
     def step(
@@ -38,19 +40,21 @@ class Target(Protocol):
         u: Float[np.ndarray, " v"],
         residual: Float[np.ndarray, " n"],
     ) -> tuple[Float[np.ndarray, " n"], LinearSolve]:
-        """Change of `u` at the free vertices that makes `residual = K - K_target` vanish to first order."""
+        """Return the change of `u` at the free vertices that makes `residual = K - K_target` vanish to first order."""
         ...
 
 
 class FreeBoundary:
     """Flat inside, `u = 0` on the boundary: isometric boundary, whose curvature comes out of the flow."""
 
+    convex = True
+
     def __init__(self, free: Int[np.ndarray, " n"]) -> None:
         self.free = free
         self._solver = StaleFactor()
 
     def curvature(self, triangulation: Triangulation, u: np.ndarray) -> np.ndarray:  # noqa: ARG002
-        """Zero."""
+        """Return zero: flat."""
         return np.zeros(len(self.free))
 
     def step(
@@ -61,7 +65,7 @@ class FreeBoundary:
         u: np.ndarray,  # noqa: ARG002
         residual: np.ndarray,
     ) -> tuple[np.ndarray, LinearSolve]:
-        """Newton's step by one stale factor and conjugate gradients."""
+        """Take Newton's step by one stale factor and conjugate gradients."""
         weight = corners.half_cotangents.ravel()
         ridge = BROKEN_RIDGE * float(np.abs(weight).mean()) if corners.broken.any() else 0.0
         tolerance = max(1e-13, min(1e-2, float(np.abs(residual).max())))
@@ -76,6 +80,8 @@ class InscribedDisk:
     R solves `sum 2 asin(l / 2R) = 2 pi`. (The smooth `2 pi l / L` fits no polygon.) Determined up to a Möbius map of
     the disk and a scale; the step is the one that changes R least, and short along the Möbius directions.
     """
+
+    convex = False
 
     def __init__(self, free: Int[np.ndarray, " n"], triangulation: Triangulation, n_vertices: int) -> None:
         self.free, self._n = free, n_vertices
@@ -100,7 +106,7 @@ class InscribedDisk:
         return lengths, 1 / s
 
     def curvature(self, triangulation: Triangulation, u: np.ndarray) -> np.ndarray:  # noqa: ARG002
-        """Turning angles of the inscribed polygon with the current edge lengths; zero inside."""
+        """Return the turning angles of the inscribed polygon with the current edge lengths; zero inside."""
         lengths, radius = self._polygon(u)
         half = np.arcsin(np.clip(lengths / (2 * radius), -1, 1))
         total = np.bincount(self._tails, half, self._n) + np.bincount(self._heads, half, self._n)
@@ -114,7 +120,7 @@ class InscribedDisk:
         u: np.ndarray,
         residual: np.ndarray,
     ) -> tuple[np.ndarray, LinearSolve]:
-        """Newton's step with the exact Jacobian of `K - K_target`.
+        """Take Newton's step with the exact Jacobian of `K - K_target`.
 
         The Jacobian is `H - D + b b^T / 4S` with `D` made of blocks `t/4 [[1, 1], [1, 1]]` per boundary edge,
         `t = l / (R sqrt(1 - x^2))`, `x = l / 2R`, `b` the sums of t at vertices and `S` the sum of t. Constants are in

@@ -74,7 +74,8 @@ class Corners:
 
 def relative_lengths(log_lengths: Float[np.ndarray, "f 3"]) -> Float[np.ndarray, "f 3"]:
     """Side lengths divided by the longest side of their triangle: safe from under- and overflow."""
-    return np.exp(log_lengths - log_lengths.max(axis=1, keepdims=True))
+    first, second, third = log_lengths.T
+    return np.exp(log_lengths - np.maximum(np.maximum(first, second), third)[:, None])
 
 
 def cosines(log_lengths: Float[np.ndarray, "f 3"]) -> Float[np.ndarray, "f 3"]:
@@ -89,14 +90,15 @@ def corners(log_lengths: Float[np.ndarray, "f 3"]) -> Corners:
     a = relative_lengths(log_lengths)
     b, c = a[:, NEXT], a[:, LAST]
     tangent = (b + c - a) / 2  # from the corner to the points where the incircle touches
-    half_perimeter = a.sum(axis=1) / 2
-    broken = tangent.min(axis=1) <= 0
-    product = np.where(broken, 1.0, tangent.prod(axis=1))
-    inradius = np.sqrt(product / half_perimeter)[:, None]
+    x, y, z = tangent.T
+    broken = np.minimum(np.minimum(x, y), z) <= 0
+    half_perimeter = x + y + z
+    inradius = np.sqrt(np.where(broken, 1.0, x * y * z / half_perimeter))[:, None]
     angles = 2 * np.arctan2(inradius, tangent)
     half_cotangents = (b * b + c * c - a * a) / (8 * inradius * half_perimeter[:, None])
-    angles[broken] = np.where(a[broken] >= 1, np.pi, 0.0)
-    half_cotangents[broken] = 0.0
+    if broken.any():
+        angles[broken] = np.pi * (np.arange(3) == a[broken].argmax(axis=1)[:, None])
+        half_cotangents[broken] = 0.0
     return Corners(angles, half_cotangents, broken)
 
 
