@@ -1,0 +1,327 @@
+"""Shape of quads on a surface as residuals of a least-squares problem, and their exact derivatives.
+
+Arrays of vectors have the component first and the quad last, `(3, 4, m)`: numpy is fastest that way.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import csr_array
+
+from drl_meshgen.mesh import QuadMesh
+from drl_meshgen.smoothing.nodes import NodeState
+from drl_meshgen.smoothing.options import SmoothingOptions
+
+TINY = np.finfo(float).tiny
+AREA_FLOOR = 0.02
+"""Quads below this share of the mean area count with this area in the log ratio, so folded ones have one too."""
+ROWS = 8
+"""Residuals per quad: 4 corner angles, 1 aspect, 2 dihedral angles, 1 log area."""
+OWN_NODES = (3, 3, 3, 3, 4, 4, 4, 4)
+"""Nodes each of these residuals depends on."""
+
+
+def cross(a: Float[np.ndarray, "3 ..."], b: Float[np.ndarray, "3 ..."]) -> Float[np.ndarray, "3 ..."]:
+    """Cross product along the first axis."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+    return out
+
+
+def dot(a: Float[np.ndarray, "3 ..."], b: Float[np.ndarray, "3 ..."]) -> Float[np.ndarray, "..."]:
+    """Scalar product along the first axis."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def unit(a: Float[np.ndarray, "3 ..."]) -> Float[np.ndarray, "3 ..."]:
+    """Unit vectors along the first axis (zero stays zero)."""
+    return a / np.sqrt(np.maximum(dot(a, a), TINY))
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """Geometry of `m` quads: everything the residuals and the verdict on a mesh are made of."""
+
+    corners: Float[np.ndarray, "3 4 m"]
+    ahead: Float[np.ndarray, "3 4 m"]
+    """From each corner to the next."""
+    behind: Float[np.ndarray, "3 4 m"]
+    """From each corner to the one before."""
+    normal: Float[np.ndarray, "3 m"]
+    """Unit normal of the diagonals, on the side of the surface's normal."""
+    corner_cross: Float[np.ndarray, "3 4 m"]
+    jacobian: Float[np.ndarray, "4 m"]
+    angle: Float[np.ndarray, "4 m"]
+    """Corner angles in radians, from -pi/2 (folded) to 3 pi/2 (reflex)."""
+    area: Float[np.ndarray, " m"]
+    """Signed area of the projection along `normal`."""
+
+    @property
+    def valid(self) -> Bool[np.ndarray, " m"]:
+        """Quads whose four Jacobians are positive."""
+        return (self.jacobian > 0).all(axis=0)
+
+
+def shape_of(quads: Int[np.ndarray, "4 m"], points: Float[np.ndarray, "n 3"], up: Float[np.ndarray, "3 m"]) -> Shape:
+    """Geometry of quads given by rows of corner ids; `up` is the surface's normal at each (any length)."""
+    p = points.T[:, quads]
+    ahead = np.empty_like(p)
+    ahead[:, :3] = p[:, 1:] - p[:, :3]
+    ahead[:, 3] = p[:, 0] - p[:, 3]
+    behind = np.empty_like(p)
+    behind[:, 1:] = -ahead[:, :3]
+    behind[:, 0] = -ahead[:, 3]
+    diagonals = cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1])
+    sign = np.where(dot(diagonals, up) < 0, -1.0, 1.0)
+    length = np.sqrt(dot(diagonals, diagonals))
+    normal = diagonals * (sign / np.maximum(length, TINY))
+    corner_cross = cross(ahead, behind)
+    jacobian = dot(corner_cross, normal[:, None])
+    angle = np.arctan2(np.copysign(np.sqrt(dot(corner_cross, corner_cross)), jacobian), dot(ahead, behind))
+    angle[angle < -np.pi / 2] += 2 * np.pi
+    return Shape(p, ahead, behind, normal, corner_cross, jacobian, angle, 0.5 * sign * length)
+
+
+def ideal_angles(mesh: QuadMesh) -> Float[np.ndarray, "4 m"]:
+    """Equal share of the full turn for the corners at an interior node, of the half turn at a boundary node.
+
+    A boundary node with a single quad is taken for a corner of the outline: a right angle.
+    """
+    topology = mesh.topology
+    quads_at = np.bincount(mesh.quads.ravel(), minlength=len(mesh.points))
+    turn = np.where(topology.on_boundary, np.where(quads_at == 1, np.pi / 2, np.pi), 2 * np.pi)
+    return (turn / np.maximum(quads_at, 1))[mesh.quads].T
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """Values of all residuals, unweighted (radians and logarithms)."""
+
+    shape: Shape
+    rows: Float[np.ndarray, "8 m"]
+    """Deviation of the corner angles (4), log of side ratio (1), dihedral angles (2), log area (1) of each quad."""
+    jump: Float[np.ndarray, " e"]
+    """Difference of the log areas across each inner edge."""
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """Gauss-Newton system `J^T W J x = -g` in factored form; unknowns are `2 * node + direction`."""
+
+    jacobian: csr_array
+    transposed: csr_array
+    row_weight: Float[np.ndarray, " r"]
+    pair_weight: Float[np.ndarray, " e"]
+    difference: csr_array
+    difference_transposed: csr_array
+    gradient: Float[np.ndarray, " u"]
+    diagonal_blocks: Float[np.ndarray, "3 n"]
+    """Entries (0,0), (0,1), (1,1) of each node's block of the matrix."""
+
+    def multiply(self, x: Float[np.ndarray, " u"]) -> Float[np.ndarray, " u"]:
+        """Apply the Gauss-Newton matrix."""
+        y = self.jacobian @ x
+        m = self.difference.shape[1]
+        areas = self.difference_transposed @ (self.pair_weight * (self.difference @ y[-m:]))
+        y *= self.row_weight
+        y[-m:] = areas
+        return self.transposed @ y
+
+
+class QuadEnergy:
+    """Weighted least squares of the shape of chosen quads of a mesh.
+
+    The cost is the sum of squared weighted residuals plus squared hinge penalties outside the wanted limits.
+    """
+
+    def __init__(
+        self,
+        mesh: QuadMesh,
+        options: SmoothingOptions,
+        chosen: Int[np.ndarray, " m"] | None = None,
+        ideal: Float[np.ndarray, "4 k"] | None = None,
+    ) -> None:
+        everything = mesh.quads
+        ideal = ideal_angles(mesh) if ideal is None else ideal
+        pairs = mesh.topology.edge_faces[mesh.topology.edge_count == 2]
+        if chosen is None:
+            chosen = np.arange(len(everything))
+        else:
+            local = np.full(len(everything), -1)
+            local[chosen] = np.arange(len(chosen))
+            pairs = local[pairs]
+            pairs = pairs[(pairs >= 0).all(axis=1)]
+        self.options = options
+        self.ids, quads = np.unique(everything[chosen], return_inverse=True)
+        self.quads = np.ascontiguousarray(quads.reshape(-1, 4).T)
+        self.ideal = np.ascontiguousarray(ideal[:, chosen])
+        self.pairs = np.ascontiguousarray(pairs.T)
+        self.hinge = 0.0
+
+    @property
+    def n_nodes(self) -> int:
+        """Nodes of the chosen quads; `ids` are their numbers in the mesh."""
+        return len(self.ids)
+
+    def with_hinge(self, weight: float) -> "QuadEnergy":
+        """Return the same energy with another weight of the hinge penalties."""
+        twin = object.__new__(QuadEnergy)
+        twin.__dict__.update(self.__dict__)
+        twin.hinge = weight
+        return twin
+
+    # -- values ------------------------------------------------------------------------------------------------
+
+    def shape(self, state: NodeState) -> Shape:
+        """Geometry of the chosen quads."""
+        normals = state.normals[self.ids].T
+        up = normals[:, self.quads].sum(axis=1)
+        return shape_of(self.quads, state.points[self.ids], up)
+
+    def residuals(self, state: NodeState) -> Residuals:
+        """Evaluate all residuals."""
+        shape = self.shape(state)
+        p = shape.corners
+        rows = np.empty((ROWS, p.shape[2]))
+        rows[:4] = shape.angle - self.ideal
+        sides = np.sqrt(dot(shape.ahead, shape.ahead))
+        rows[4] = np.log(np.maximum(sides[0] + sides[2], TINY) / np.maximum(sides[1] + sides[3], TINY))
+        n = shape.corner_cross
+        for k in range(2):
+            axis = p[:, k + 2] - p[:, k]
+            # normals of the triangles on both sides of the diagonal from corner k to corner k + 2
+            first, second = n[:, k + 1], n[:, (k + 3) % 4]
+            sine = dot(cross(first, second), axis) / np.sqrt(np.maximum(dot(axis, axis), TINY))
+            rows[5 + k] = np.arctan2(sine, dot(first, second))
+        rows[7] = np.log(np.maximum(shape.area, AREA_FLOOR * np.abs(shape.area).mean() + TINY))
+        return Residuals(shape, rows, rows[7, self.pairs[0]] - rows[7, self.pairs[1]])
+
+    def _violations(self, r: Residuals) -> tuple[Float[np.ndarray, "4 m"], Float[np.ndarray, "2 m"], np.ndarray]:
+        """Signed amounts by which angles, dihedral angles and area jumps exceed the wanted limits."""
+        o = self.options
+        low, high = np.radians(o.wanted_angles)
+        angle = np.minimum(r.shape.angle - low, 0) + np.maximum(r.shape.angle - high, 0)
+        return angle, beyond(r.rows[5:7], np.radians(o.wanted_warp)), beyond(r.jump, np.log(o.wanted_area_ratio))
+
+    def cost(self, r: Residuals) -> float:
+        """Weighted sum of squares, hinge penalties included."""
+        o = self.options
+        rows = r.rows
+        total = (rows[:4] ** 2).sum() + o.aspect_weight**2 * (rows[4] ** 2).sum()
+        total += o.warp_weight**2 * (rows[5:7] ** 2).sum() + o.area_weight**2 * (r.jump**2).sum()
+        if self.hinge:
+            total += self.hinge**2 * sum((v**2).sum() for v in self._violations(r))
+        return float(total)
+
+    # -- derivatives -------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _pattern(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, csr_array, csr_array]:
+        """Column indices and row starts of the Jacobian, nodes of its entries, difference operator of the pairs."""
+        q, m = self.quads, self.quads.shape[1]
+        corner = np.stack([np.roll(q, -1, axis=0), q, np.roll(q, 1, axis=0)], axis=-1)
+        others = np.broadcast_to(q.T, (4, m, 4))
+        nodes = np.concatenate([corner.ravel(), others.ravel()])
+        columns = (2 * nodes[:, None] + np.arange(2)).ravel().astype(np.int32)
+        starts = np.r_[0, np.cumsum(np.repeat(2 * np.array(OWN_NODES), m))].astype(np.int32)
+        e = self.pairs.shape[1]
+        data = np.tile([1.0, -1.0], e)
+        difference = csr_array((data, self.pairs.T.ravel(), np.arange(0, 2 * e + 1, 2)), (e, m))
+        return columns, starts, nodes, difference, difference.T.tocsr()
+
+    def system(self, state: NodeState, r: Residuals) -> System:
+        """Linearise the residuals in the unknowns of the nodes."""
+        o, s = self.options, r.shape
+        m = self.quads.shape[1]
+        columns, starts, nodes, difference, difference_transposed = self._pattern
+        tangents = state.tangents[:, self.ids].transpose(2, 0, 1)[:, :, self.quads]  # 3 2 4 m
+        entries = np.empty(2 * len(nodes))
+        corner = entries[: 24 * m].reshape(4, m, 3, 2)
+        others = entries[24 * m :].reshape(4, m, 4, 2)
+
+        def put(target: np.ndarray, place: int, vector: np.ndarray, node: int) -> None:
+            target[:, place, 0] = dot(vector, tangents[:, 0, node])
+            target[:, place, 1] = dot(vector, tangents[:, 1, node])
+
+        # corner angle: turning a side about the corner's normal changes it at rate 1 / length
+        flip = np.where(s.jacobian < 0, -1.0, 1.0)
+        size2 = dot(s.corner_cross, s.corner_cross)
+        ahead2, behind2 = np.maximum(dot(s.ahead, s.ahead), TINY), np.maximum(dot(s.behind, s.behind), TINY)
+        flat = size2 < 1e-12 * ahead2 * behind2
+        about = np.where(flat, s.normal[:, None], s.corner_cross * (flip / np.sqrt(np.maximum(size2, TINY))))
+        turn_ahead, turn_behind = -cross(about, s.ahead) / ahead2, cross(about, s.behind) / behind2
+        for c in range(4):
+            put(corner[c], 0, turn_ahead[:, c], (c + 1) % 4)
+            put(corner[c], 1, -turn_ahead[:, c] - turn_behind[:, c], c)
+            put(corner[c], 2, turn_behind[:, c], (c + 3) % 4)
+
+        # side ratio
+        side = s.ahead / np.sqrt(ahead2)
+        pair_length = np.sqrt(ahead2)[:2] + np.sqrt(ahead2)[2:]
+        pull = side / np.concatenate([pair_length, pair_length])
+        for c in range(4):
+            sign = 1.0 if c % 2 == 0 else -1.0
+            put(others[0], c, sign * (-pull[:, c] - pull[:, c - 1]), c)
+
+        # dihedral angles at the diagonals: the triangles' normals over their heights
+        for k in range(2):
+            axis = s.corners[:, k + 2] - s.corners[:, k]
+            length = np.sqrt(np.maximum(dot(axis, axis), TINY))
+            inverse, shares = [], []
+            for c in (k + 1, (k + 3) % 4):
+                n = s.corner_cross[:, c]
+                n2 = np.maximum(dot(n, n), 1e-6 * length**4)
+                inverse.append(n * (length / n2))
+                shares.append(dot(s.corners[:, c] - s.corners[:, k], axis) / length**2)
+            put(others[1 + k], k + 1, inverse[0], k + 1)
+            put(others[1 + k], (k + 3) % 4, inverse[1], (k + 3) % 4)
+            put(others[1 + k], k + 2, -inverse[0] * shares[0] - inverse[1] * shares[1], k + 2)
+            put(others[1 + k], k, -inverse[0] * (1 - shares[0]) - inverse[1] * (1 - shares[1]), k)
+
+        # log area
+        scale = 0.5 * np.exp(-r.rows[7])
+        for k in range(2):
+            other = s.corners[:, 3 - k] - s.corners[:, 1 - k]
+            gradient = cross(other, s.normal) * (scale if k == 0 else -scale)
+            put(others[3], k + 2, gradient, k + 2)
+            put(others[3], k, -gradient, k)
+
+        row_weight = np.repeat([1.0, o.aspect_weight**2, o.warp_weight**2, 0.0], np.array([4, 1, 2, 1]) * m)
+        pair_weight = np.full(len(r.jump), o.area_weight**2)
+        forces = row_weight.reshape(ROWS, m) * r.rows
+        pull_apart = pair_weight * r.jump
+        if self.hinge:
+            angle, warp, jump = self._violations(r)
+            w = self.hinge**2
+            forces[:4] += w * angle
+            forces[5:7] += w * warp
+            pull_apart += w * jump
+            row_weight[: 4 * m] += w * (angle != 0).ravel()
+            row_weight[5 * m : 7 * m] += w * (warp != 0).ravel()
+            pair_weight += w * (jump != 0)
+        forces[7] = difference_transposed @ pull_apart
+        jacobian = csr_array((entries, columns, starts), (ROWS * m, 2 * self.n_nodes))
+        transposed = jacobian.T
+        # diagonal blocks; for the area rows the coupling between quads is left out
+        area_weight = np.bincount(self.pairs.ravel(), np.tile(pair_weight, 2), minlength=m)
+        full = row_weight.copy()
+        full[7 * m :] = area_weight
+        pairs2 = entries.reshape(-1, 2)
+        per_entry = np.repeat(full, np.repeat(OWN_NODES, m))
+        weighted = pairs2 * per_entry[:, None]
+        blocks = np.stack([
+            np.bincount(nodes, weighted[:, a] * pairs2[:, b], minlength=self.n_nodes) for a, b in ((0, 0), (0, 1), (1, 1))
+        ])
+        gradient = transposed @ forces.ravel()
+        return System(
+            jacobian, transposed, row_weight, pair_weight, difference, difference_transposed, gradient, blocks
+        )
+
+
+def beyond(value: np.ndarray, limit: float) -> np.ndarray:
+    """Signed amount by which values lie outside [-limit, limit]."""
+    return value - np.clip(value, -limit, limit)

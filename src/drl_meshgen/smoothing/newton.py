@@ -1,0 +1,87 @@
+"""Damped Gauss-Newton steps on the surface, solved by preconditioned conjugate gradients."""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+from drl_meshgen.smoothing.energy import QuadEnergy, Residuals, System
+from drl_meshgen.smoothing.nodes import NodeSpace, NodeState
+
+FIRST_DAMPING = 0.01
+EASE, HARDEN = 1 / 3, 4.0
+"""Factors of the damping after a step that lowered the cost and after one that did not."""
+LEAST_DAMPING, MOST_DAMPING = 1e-5, 1e4
+ENOUGH = 1e-3
+"""A stage ends when a step lowers the cost by less than this share."""
+
+Observer = Callable[[NodeState, Residuals, float, float], None]
+"""Called after every accepted step with state, residuals, cost and damping."""
+
+
+def minimise(
+    space: NodeSpace, energy: QuadEnergy, state: NodeState, reach: Float[np.ndarray, " n"], steps: int, observe: Observer
+) -> NodeState:
+    """Levenberg-Marquardt with at most `steps` linearisations; no node moves further than `reach` in one step."""
+    residuals = energy.residuals(state)
+    cost, damping = energy.cost(residuals), FIRST_DAMPING
+    for _ in range(steps):
+        system = energy.system(state, residuals)
+        before = cost
+        while damping <= MOST_DAMPING:
+            step = np.zeros((len(reach), 2))
+            step[energy.ids] = solve(system, damping, energy.options.cg_iterations)
+            step *= np.minimum(1, reach / np.maximum(np.linalg.norm(step, axis=1), np.finfo(float).tiny))[:, None]
+            trial = space.moved(state, step)
+            trial_residuals = energy.residuals(trial)
+            trial_cost = energy.cost(trial_residuals)
+            if trial_cost < cost:
+                state, residuals, cost = trial, trial_residuals, trial_cost
+                damping = max(damping * EASE, LEAST_DAMPING)
+                break
+            damping *= HARDEN
+        observe(state, residuals, cost, damping)
+        if cost > (1 - ENOUGH) * before:
+            break
+    return state
+
+
+def solve(system: System, damping: float, iterations: int, tolerance: float = 0.05) -> Float[np.ndarray, "n 2"]:
+    """Solve `(H + damping * blocks(H)) x = -g` to a relative residual by block-Jacobi conjugate gradients."""
+    a, b, c = system.diagonal_blocks
+    ridge = 1e-12 * (a + c) + np.where(a + c > 0, 0, 1)
+    # a node with one unknown has an empty second row
+    determinant = (a + ridge) * (c + ridge) - b * b
+    lone = c <= 1e-9 * a
+    inverse_a = np.where(lone, 1 / (a + ridge), (c + ridge) / determinant)
+    inverse_b = np.where(lone, 0, -b / determinant)
+    inverse_c = np.where(lone, 0, (a + ridge) / determinant)
+
+    def precondition(r: Float[np.ndarray, " u"]) -> Float[np.ndarray, " u"]:
+        z = np.empty_like(r)
+        z[0::2] = inverse_a * r[0::2] + inverse_b * r[1::2]
+        z[1::2] = inverse_b * r[0::2] + inverse_c * r[1::2]
+        return z
+
+    def damped(x: Float[np.ndarray, " u"]) -> Float[np.ndarray, " u"]:
+        y = system.multiply(x)
+        y[0::2] += damping * (a * x[0::2] + b * x[1::2])
+        y[1::2] += damping * (b * x[0::2] + c * x[1::2])
+        return y
+
+    x = np.zeros_like(system.gradient)
+    r = -system.gradient
+    z = precondition(r)
+    p, rz = z, r @ z
+    enough = tolerance**2 * rz
+    for _ in range(iterations):
+        if rz <= enough or rz == 0:
+            break
+        q = damped(p)
+        alpha = rz / (p @ q)
+        x += alpha * p
+        r -= alpha * q
+        z = precondition(r)
+        rz, last = r @ z, rz
+        p = z + (rz / last) * p
+    return x.reshape(-1, 2)

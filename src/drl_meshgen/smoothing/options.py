@@ -1,0 +1,65 @@
+"""Options, verdict and result of the node optimiser."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float, Int
+
+
+class SmoothingOutcome(Enum):
+    """How an optimisation ended."""
+
+    GOOD = "every quad is valid and within the wanted angle limits"
+    VALID = "every quad is valid, but some miss the wanted angle limits"
+    INVALID = "some quads stay folded: the layout leaves them no room; refine it or change the node counts there"
+
+
+@dataclass(frozen=True)
+class SmoothingOptions:
+    """Weights, limits and effort of the node optimiser."""
+
+    area_weight: float = 0.3
+    """Weight of the log ratio of the areas of edge-adjacent quads, relative to a corner angle in radians."""
+    aspect_weight: float = 0.1
+    """Weight of the log ratio of the two mean side lengths of a quad, relative to a corner angle in radians."""
+    warp_weight: float = 0.1
+    """Weight of the dihedral angle at each diagonal of a quad, relative to a corner angle in radians."""
+    wanted_angles: tuple[float, float] = (55.0, 120.0)
+    """Corner angles outside these limits (degrees) are penalised on top, with the hinge weights."""
+    wanted_area_ratio: float = 1.7
+    """Area ratios of edge-adjacent quads above this are penalised on top."""
+    wanted_warp: float = 30.0
+    """Dihedral angles at diagonals above this (degrees) are penalised on top."""
+    hinge_weights: tuple[float, ...] = (0.0, 5.0)
+    """Weight of the violation of a limit, relative to a corner angle, one stage of the optimisation after another."""
+    relax_sweeps: int = 10
+    """Local-global sweeps towards well-shaped quads before anything else."""
+    newton_steps: tuple[int, ...] = (12, 12)
+    """Most Gauss-Newton steps of each stage."""
+    repair_angles: tuple[float, float] = (35.0, 145.0)
+    """Quads with a corner angle outside these limits (degrees) are repaired together with their surroundings."""
+    repair_rings: int = 3
+    """Rings of quads around a bad one that move in its repair."""
+    repair_rounds: int = 3
+    """Most rounds of repair."""
+    repair_steps: int = 12
+    """Most Gauss-Newton steps of each round of repair."""
+    repair_hinge: float = 20.0
+    """Weight of the violation of a limit during repair, relative to a corner angle."""
+    cg_iterations: int = 40
+    """Most conjugate-gradient iterations of each Gauss-Newton step."""
+    step_limit: float = 0.5
+    """Longest step of a node, in mean lengths of the edges at it."""
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothingResult:
+    """Optimised node positions: on the surface, with the surface triangle that carries each node."""
+
+    points: Float[np.ndarray, "n 3"]
+    triangle: Int[np.ndarray, " n"]
+    outcome: SmoothingOutcome
+    history: pd.DataFrame
+    """One row per step: `stage`, `cost`, `damping`, `invalid`, `min_angle`, `max_angle`, `area_ratio` (degrees)."""
