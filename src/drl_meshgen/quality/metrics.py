@@ -1,0 +1,127 @@
+"""Every metric of a quad mesh, in one dictionary with a fixed order."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from drl_meshgen.mesh import QuadMesh, TriMesh
+from drl_meshgen.quality.base_complex import base_complex, straight_pairs
+from drl_meshgen.quality.closest import TriangleSearch
+from drl_meshgen.quality.deviation import boundary_mse, deviation
+from drl_meshgen.quality.shape import QuadShape, own_normals
+from drl_meshgen.quality.structure import boundary_loops, structural_defects
+
+
+@dataclass(frozen=True, eq=False)
+class Quality:
+    """What was measured on one mesh."""
+
+    metrics: dict[str, float]
+    """Name -> figure, in the order of the tables; NaN where a figure has no meaning."""
+    shape: QuadShape
+    """Angles, Jacobians, warp and size of each quad."""
+    defects: tuple[str, ...]
+    """One sentence per structural defect, including invalid quads; empty for a sound mesh."""
+
+
+def surface_normals(mesh: QuadMesh, search: TriangleSearch, surface: TriMesh) -> tuple[Float[np.ndarray, "m 3"], bool]:
+    """Return the quads' normals, each on the side its surface is on, and whether the mesh is wound against the surface.
+
+    A mesh wound as a whole against the surface is measured as if it were turned round; single turned quads are not.
+    """
+    corners = mesh.points[mesh.quads]
+    own = own_normals(corners)
+    under = surface.normals[search(corners.mean(axis=1))[1]]
+    agreement = np.einsum("ij,ij->i", own, under)
+    reverse = bool(np.median(agreement) < 0)
+    return np.where(((agreement < 0) != reverse)[:, None], -own, own), reverse
+
+
+def _neighbour_ratio(mesh: QuadMesh, size: Float[np.ndarray, " m"]) -> float:
+    pair = mesh.topology.edge_faces[mesh.topology.edge_count == 2]
+    if not len(pair):
+        return 1.0
+    both = size[pair]
+    return float((both.max(axis=1) / np.maximum(both.min(axis=1), np.finfo(float).tiny)).max())
+
+
+def _line_smoothness(mesh: QuadMesh) -> tuple[float, float]:
+    t = mesh.topology
+    pair = straight_pairs(mesh)
+    pair = pair[(t.edge_count[pair] > 1).all(axis=1)]
+    if not len(pair):
+        return np.nan, np.nan
+    ends = mesh.points[t.edges]
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[pair]
+    ratio = length.min(axis=1) / np.maximum(length.max(axis=1), np.finfo(float).tiny)
+    return float(ratio.mean()), float((1 / np.maximum(ratio, 1e-12)).mean())
+
+
+def measure(
+    mesh: QuadMesh,
+    surface: TriMesh | None = None,
+    block: Int[np.ndarray, " m"] | None = None,
+    *,
+    with_deviation: bool = True,
+    triangles: Int[np.ndarray, "t 3"] | None = None,
+) -> Quality:
+    """Measure a quad mesh.
+
+    Definitions are those of the documentation's table of metrics. With a `surface`, normals come from it, topology is
+    compared with it and, unless switched off, distances to it are measured (fractions of its bounding-box diagonal).
+    `block` names the block of each quad. `triangles` are the faces a mixed mesh has beside its quads; they count in the
+    deviation and in `non_quads` only.
+    """
+    t = mesh.topology
+    corners = mesh.points[mesh.quads]
+    search = None if surface is None else TriangleSearch(surface.corners)
+    defects = list(structural_defects(mesh, surface, block))
+    normals = own_normals(corners)
+    if surface is not None and search is not None:
+        normals, against = surface_normals(mesh, search, surface)
+        if against:
+            defects.append("wound against the surface")
+    shape = QuadShape(corners, normals)
+    invalid = int((~shape.valid).sum())
+    if invalid:
+        defects.append(f"{invalid} quads with a Jacobian that is not positive")
+    manifold = not (t.edge_count > 2).any() and not len(t.misoriented_edges)
+    smoothness, edge_ratio = _line_smoothness(mesh) if manifold else (np.nan, np.nan)
+    extra = 0 if triangles is None else len(triangles)
+    metrics = {
+        "quads": len(mesh.quads),
+        "nodes": int(t.used.sum()),
+        "irregular": int(mesh.irregular.sum()),
+        "blocks": int(base_complex(mesh).max()) + 1 if manifold else np.nan,
+        "named_blocks": np.nan if block is None else len(np.unique(block)),
+        "validity": shape.valid.mean(),
+        "min_angle": shape.min_angle.min(),
+        "max_angle": shape.max_angle.max(),
+        "warp": shape.warp.max(),
+        "area_ratio": _neighbour_ratio(mesh, shape.area),
+        "side_ratio": _neighbour_ratio(mesh, shape.size),
+        "orthogonality": shape.orthogonality.mean(),
+        "orthogonality_printed": shape.orthogonality_printed.mean(),
+        "compliance": (shape.deviation < 15).mean(),
+        "jacobian_ratio": shape.jacobian_ratio.mean(),
+        "scaled_jacobian_min": shape.scaled_jacobian.min(),
+        "smoothness": smoothness,
+        "edge_ratio": edge_ratio,
+        "non_quads": extra / (len(mesh.quads) + extra),
+        "components": t.components[0],
+        "loops": boundary_loops(t),
+        "euler": t.euler,
+    }
+    if surface is not None:
+        metrics["boundary_mse"], metrics["boundary_fit"] = boundary_mse(mesh, surface)
+        if with_deviation:
+            d = deviation(mesh, surface, search, triangles)
+            metrics |= {
+                "surface_deviation": d.surface,
+                "surface_deviation_rms": d.surface_rms,
+                "node_deviation": d.nodes,
+                "boundary_deviation": d.boundary,
+                "boundary_deviation_rms": d.boundary_rms,
+            }
+    return Quality({name: float(value) for name, value in metrics.items()}, shape, tuple(defects))
