@@ -1,0 +1,22 @@
+"""Plane templates: O-type and C-type block structures of a polygon with given boundary nodes."""
+
+from drl_meshgen.templates.domain import Domain
+from drl_meshgen.templates.fill import FilledCap, fill_cap
+from drl_meshgen.templates.mesh import TemplateMesh
+from drl_meshgen.templates.o_type import OParameters, instantiate
+from drl_meshgen.templates.placement import PlacementOptions
+from drl_meshgen.templates.policy import Policy, RulePolicy
+from drl_meshgen.templates.untangle import Outcome
+
+__all__ = [
+    "Domain",
+    "FilledCap",
+    "OParameters",
+    "Outcome",
+    "PlacementOptions",
+    "Policy",
+    "RulePolicy",
+    "TemplateMesh",
+    "fill_cap",
+    "instantiate",
+]

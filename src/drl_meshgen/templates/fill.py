@@ -1,0 +1,39 @@
+"""Filling one simply connected domain by a template, with a verdict."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from drl_meshgen.templates.domain import Domain
+from drl_meshgen.templates.mesh import TemplateMesh
+from drl_meshgen.templates.o_type import OParameters, instantiate
+from drl_meshgen.templates.placement import Size
+from drl_meshgen.templates.policy import Policy, RulePolicy, boundary_size
+from drl_meshgen.templates.untangle import Outcome, untangle
+
+
+@dataclass(frozen=True, eq=False)
+class FilledCap(TemplateMesh):
+    """An O-type mesh with the parameters it was made from and the verdict on its cells."""
+
+    parameters: OParameters
+    outcome: Outcome
+
+
+def fill_cap(
+    boundary: Float[np.ndarray, "l 2"], policy: Policy | None = None, k: int | None = None, size: Size | None = None
+) -> FilledCap:
+    """Return an O-type mesh of the polygon `boundary`, whose nodes are its first L points unchanged.
+
+    `policy` chooses the parameters (`RulePolicy()` if None), `k` fixes the number of layers, `size(points)` is the
+    wanted edge length at points of the plane (for the disk image of a surface: length on the surface divided by the
+    local stretch); if None the boundary spacing is continued inwards. Folded cells are unfolded by moving interior
+    nodes; `outcome` tells. Raises `InputError` for a boundary that is not simple and anti-clockwise with an even
+    number of at least 8 nodes.
+    """
+    domain = Domain(boundary)
+    parameters = (policy or RulePolicy()).choose(domain, layers=k, size=size)
+    mesh = instantiate(domain, parameters)
+    mesh, outcome = untangle(mesh, len(domain), (size or boundary_size(domain))(mesh.points))
+    return FilledCap(mesh.points, mesh.grids, parameters, outcome)

@@ -1,0 +1,94 @@
+"""A coarse O-type mesh as a linear function of its singular points and bows, for fast descent."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from drl_meshgen.templates.curves import graded
+from drl_meshgen.templates.domain import Domain
+from drl_meshgen.templates.energy import wanted
+from drl_meshgen.templates.mesh import grid_quads
+from drl_meshgen.templates.o_type import grids, positions, rim_fractions
+
+RIGHT = np.array(np.pi / 2)
+
+
+def subset(count: int, limit: int) -> Int[np.ndarray, " s"]:
+    """Return at most `limit + 1` of the indices 0..count with both ends, the same when counted from either end."""
+    parts = min(count, limit)
+    parts -= (parts < count) * ((count - parts) % 2)
+    half = np.floor(np.arange(parts // 2 + 1) * count / parts + 0.5).astype(np.int64)
+    return np.concatenate([half, count - half[::-1]] if parts % 2 else [half, count - half[-2::-1]])
+
+
+@dataclass(frozen=True, eq=False)
+class Sketch:
+    """A coarse O-grid on chosen corners: points are `fixed + basis @ [4 singular points, 8 bow vectors]`."""
+
+    i0: int
+    m: int
+    n: int
+    layers: int
+    rim: Float[np.ndarray, "l 2"]
+    fractions: tuple[np.ndarray, ...]
+    steps: Float[np.ndarray, "q 2"]
+    outer: np.ndarray
+    quads: Int[np.ndarray, "q 4"]
+
+    @classmethod
+    def of(cls, domain: Domain, i0: int, m: int, divisions: int, layers: int) -> "Sketch":
+        """Return the sketch with at most `divisions` cells per side and `layers` radial cells."""
+        n = len(domain) // 2 - m
+        first, second = subset(m, divisions), subset(n, divisions)
+        keep = np.concatenate([first[:-1], m + second[:-1], m + n + first[:-1], 2 * m + n + second[:-1]])
+        rim = domain.nodes[(i0 + keep) % len(domain)]
+        a, b = len(first) - 1, len(second) - 1
+        du, dv = np.diff(first).astype(float), np.diff(second).astype(float)
+        blocks = grids(0, a, b, layers)
+        core = np.stack(np.broadcast_arrays(du[:, None], dv), axis=-1).reshape(-1, 2)
+        side = [np.repeat(np.c_[d, np.ones(len(d))], layers, axis=0) for d in (du, dv, du, dv)]
+        quads = grid_quads(blocks)
+        return cls(
+            i0, m, n, layers, rim, rim_fractions(rim, 0, a, b), np.concatenate([core, *side]),
+            np.arange(len(quads)) >= len(core), quads,
+        )  # fmt: skip
+
+    @property
+    def n_points(self) -> int:
+        """Number of coarse points."""
+        _, a, b = self.coarse
+        return len(self.rim) * self.layers + (a + 1) * (b + 1)
+
+    @property
+    def coarse(self) -> tuple[int, int, int]:
+        """First corner and cells per side of the coarse grid."""
+        return 0, len(self.fractions[0]) - 1, len(self.fractions[1]) - 1
+
+    @property
+    def corners(self) -> Float[np.ndarray, "4 2"]:
+        """Positions of the corners."""
+        _, a, b = self.coarse
+        return self.rim[[0, a, a + b, 2 * a + b]]
+
+    def linear(self, ratio: float) -> tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, "p 12"]]:
+        """Return `fixed` and `basis`; the innermost layer is `ratio` times as thick as the outermost."""
+        radial = graded(self.layers, ratio ** (1 / max(self.layers - 1, 1)))
+        zero = np.zeros((len(self.rim), 12))
+        unit = np.eye(12)
+        bow = np.zeros((8, 2, 12))
+        bow[:, 0] = unit[4:]
+        kept = {"corners": self.coarse, "radial": radial, "fractions": self.fractions}
+        fixed = positions(self.rim, np.zeros((4, 2)), np.zeros((8, 2, 2)), **kept)
+        return fixed, positions(zero, unit[:4], bow, **kept)
+
+    def targets(self, size: Float[np.ndarray, "q 4"], k: float) -> Float[np.ndarray, "q 4 2 2"]:
+        """Return inverse wanted corner matrices for `k` layers and cells of edge length `size`."""
+        u, v = self.steps.T
+        v = np.where(self.outer, v * k / self.layers, v)
+        first, second = np.stack([u, v, u, v], axis=1), np.stack([v, u, v, u], axis=1)
+        return wanted(first * size, second * size, RIGHT)
+
+    def cells(self, k: float) -> Float[np.ndarray, " q"]:
+        """Return how many cells of the full mesh with `k` layers each coarse cell stands for."""
+        return np.prod(self.steps, axis=1) * np.where(self.outer, k / self.layers, 1.0)
