@@ -1,0 +1,1 @@
+"""Prefect tasks, one module per stage; importable from the repository root only."""
