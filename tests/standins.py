@@ -1,6 +1,7 @@
 """Analytic surfaces and block-structured meshes of them, for tests of what comes after meshing."""
 
 import numpy as np
+
 from drl_meshgen.mesh import BlockMesh, TriMesh
 
 
@@ -32,7 +33,7 @@ def hemisphere_ogrid(n=8, rings=6, core=0.5):
 
 
 def hemisphere(n=24):
-    """Return a triangulated unit hemisphere with `24 n^2` triangles or so, finer than its quad mesh."""
+    """Return a triangulated unit hemisphere with `10 n^2` triangles or so, finer than its quad mesh."""
     quads = hemisphere_ogrid(n, n).mesh
     q = quads.quads
     return TriMesh(quads.points, np.concatenate([q[:, [0, 1, 2]], q[:, [0, 2, 3]]]))
