@@ -1,6 +1,5 @@
 """A Prefect server for interactive runs: the one that is there, or a persistent local one that is started."""
 
-import os
 import subprocess
 import sys
 import time
@@ -11,14 +10,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from drl_meshgen.errors import MeshgenError
-from drl_meshgen.store.store import exclusive
 from prefect.settings import (
     PREFECT_API_URL,
     PREFECT_FLOWS_HEARTBEAT_FREQUENCY,
     PREFECT_HOME,
     temporary_settings,
 )
+
+from drl_meshgen.errors import MeshgenError
+from drl_meshgen.store.store import exclusive
 
 LOCAL = "http://127.0.0.1:4200/api"
 PATIENCE = 120.0
@@ -75,10 +75,7 @@ def connected() -> Iterator[str]:
     if not answers(api):
         if urlsplit(api).hostname not in {"127.0.0.1", "localhost"}:
             raise ServerError(f"the Prefect server at {api} does not answer")
-        print(
-            f"starting a Prefect server at {api.removesuffix('/api')} (stop it with `prefect server stop`)",
-            file=sys.stderr,
-        )
+        sys.stderr.write(f"starting a Prefect server at {api.removesuffix('/api')}; `prefect server stop` ends it\n")
         start(api)
     with temporary_settings({PREFECT_API_URL: api, PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
         yield api

@@ -3,12 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from drl_meshgen.errors import MeshgenError
-from drl_meshgen.store import ArtifactRef, Stage, Store, load, stored
 from prefect import Task
 from prefect.client.schemas.objects import State, TaskRun
 from prefect.context import TaskRunContext
 
+from drl_meshgen.errors import MeshgenError
+from drl_meshgen.store import ArtifactRef, Stage, Store, load, stored
 from tasks.storage import RecordStorage
 
 Refs = Mapping[str, Mapping[str, Any]]

@@ -1,13 +1,12 @@
 """Prefect's view of the artifact store: a cached result is a record whose objects were all checked."""
 
-import inspect
 from pathlib import Path
-from typing import Any
 
-from drl_meshgen.store import Store
 from prefect.filesystems import WritableFileSystem
 from prefect.results import ResultRecord, ResultRecordMetadata
 from prefect.serializers import JSONSerializer
+
+from drl_meshgen.store import Store
 
 
 class RecordStorage(WritableFileSystem):

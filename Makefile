@@ -1,0 +1,52 @@
+# Everything one does with the project. The first `make` of any target sets up .venv; later ones start at once.
+PYTHON ?= python3.11
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.stamp
+TORCH := torch==2.13.0
+LIBRARIES := libegl1 libgl1 libgl1-mesa-dri libglu1-mesa libgomp1 libopengl0 \
+	libxcursor1 libxfixes3 libxft2 libxinerama1 libxrender1
+
+export DO_NOT_TRACK := 1
+export OMP_NUM_THREADS ?= 2
+export OPENBLAS_NUM_THREADS ?= 2
+export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
+
+.PHONY: setup libraries demo test lint bench clean
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt
+	$(MAKE) libraries
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check $(TORCH)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[flow,dev]'
+	touch $@
+
+# System libraries that gmsh, pymeshlab and VTK load; asked for only where some are missing and apt can be used.
+libraries:
+	@missing=$$(for name in $(LIBRARIES); do dpkg-query -W -f='$${Status}' $$name 2>/dev/null \
+		| grep -q 'ok installed' || echo $$name; done); \
+	test -z "$$missing" || if command -v apt-get >/dev/null && test "$$(id -u)" = 0; then \
+		apt-get update -qq && apt-get install -y -qq --no-install-recommends $$missing; \
+	else echo "these system libraries are missing: $$missing"; fi
+
+demo: setup
+	$(BIN)/python -m flows.mesh hemisphere giraffe hand --target-quads 8000 --report reports/generated/demo
+
+test: setup
+	$(BIN)/python -m pytest
+
+lint: setup
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/pyright
+	$(BIN)/lint-imports
+
+bench: setup
+	$(BIN)/python -m pytest tests/benchmark --benchmark-only
+
+clean:
+	rm -rf build dist out reports/generated .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	find . -path ./$(VENV) -prune -o -name __pycache__ -type d -exec rm -rf {} +
+	find artifacts -mindepth 1 -not -name README.md -delete

@@ -1,0 +1,62 @@
+"""A chain of stage tasks for one surface: what every flow is made of."""
+
+import traceback
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from drl_meshgen.errors import MeshgenError
+from drl_meshgen.store import ArtifactRef
+from prefect import Task, get_run_logger
+
+SOME_FAILED = 5
+"""Exit code where some of several surfaces failed."""
+INTERNAL = 1
+"""Exit code of an error that is no verdict on the input."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one surface."""
+
+    surface: str
+    refs: Mapping[str, ArtifactRef] = field(default_factory=dict)
+    """Artifacts of the stages that ended well."""
+    failure: str = ""
+    """One sentence on what went wrong; empty where the chain came to its end."""
+    exit_code: int = 0
+    """What the command line returns for this surface alone."""
+
+
+def run_chain(tasks: Mapping[str, Task[..., Any]], surface: str, options: Mapping[str, Any], store: str) -> Outcome:
+    """Run the tasks of all stages for one surface, in order, up to the first that fails. Needs a running flow.
+
+    `tasks` and `options` map stage names to tasks and to options; `store` is the folder of the artifact store.
+    """
+    refs: dict[str, Any] = {}
+    for name, task in tasks.items():
+        state = task(surface, dict(refs), options[name], store, return_state=True)
+        if not state.is_completed():
+            return _failed(surface, refs, name, state.result(raise_on_failure=False))
+        refs[name] = state.result()
+    return Outcome(surface, _artifacts(refs))
+
+
+def exit_code(outcomes: Sequence[Outcome]) -> int:
+    """Return the exit code of a run: that of a single surface, or `SOME_FAILED` where one of several failed."""
+    if len(outcomes) == 1:
+        return outcomes[0].exit_code
+    return SOME_FAILED if any(outcome.failure for outcome in outcomes) else 0
+
+
+def _artifacts(refs: Mapping[str, Any]) -> dict[str, ArtifactRef]:
+    return {name: ArtifactRef.from_json(ref) for name, ref in refs.items()}
+
+
+def _failed(surface: str, refs: Mapping[str, Any], stage: str, error: BaseException) -> Outcome:
+    if isinstance(error, MeshgenError):
+        sentence = str(error) if str(error).startswith(surface) else f"{surface}: {error}"
+        return Outcome(surface, _artifacts(refs), sentence, error.exit_code)
+    get_run_logger().error("".join(traceback.format_exception(error)))
+    sentence = f"{surface}: internal error in stage {stage}: {type(error).__name__}: {error}"
+    return Outcome(surface, _artifacts(refs), sentence, INTERNAL)
