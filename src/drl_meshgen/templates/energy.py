@@ -5,57 +5,91 @@ At each corner `J = E M` with `E` the two corner edges as columns and `M` the in
 1 + s, where the corner is the wanted one.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.sparse import csr_matrix
 
 
-def corner_energy(
-    edges: Float[np.ndarray, "*b 2 2"], target: Float[np.ndarray, "*b 2 2"], size_weight: float, epsilon: float
-) -> tuple[Float[np.ndarray, "*b"], Float[np.ndarray, "*b 2 2"]]:
-    """Return the energy of each corner and its gradient in `edges` (rows: coordinate; columns: the two edges)."""
-    jacobian = edges @ target
-    a, b, c, d = jacobian[..., 0, 0], jacobian[..., 0, 1], jacobian[..., 1, 0], jacobian[..., 1, 1]
-    det = a * d - b * c
-    root = np.sqrt(epsilon**2 + det**2)
-    # the two forms agree; the second does not cancel for det < 0
-    chi = np.where(det > 0, (det + root) / 2, epsilon**2 / (2 * (root + np.abs(det))))
-    energy = ((jacobian**2).sum(axis=(-2, -1)) + size_weight * (1 + det**2)) / (2 * chi)
-    in_det = size_weight * det / chi - energy / root
-    cofactor = np.stack([np.stack([d, -c], axis=-1), np.stack([-b, a], axis=-1)], axis=-2)
-    gradient = jacobian / chi[..., None, None] + in_det[..., None, None] * cofactor
-    return energy, gradient @ np.swapaxes(target, -2, -1)
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """Wanted corners as coefficients: `|J|^2 = ff f.f + 2 fg f.g + gg g.g`, `det J = scale (f x g)` for edges f, g."""
 
+    ff: Float[np.ndarray, "*c"]
+    fg: Float[np.ndarray, "*c"]
+    gg: Float[np.ndarray, "*c"]
+    scale: Float[np.ndarray, "*c"]
 
-def wanted(
-    first: Float[np.ndarray, "*b"], second: Float[np.ndarray, "*b"], angle: Float[np.ndarray, "*b"]
-) -> Float[np.ndarray, "*b 2 2"]:
-    """Return the inverse of the matrix whose columns are edges of these lengths at `angle` radians (eq. above: `M`)."""
-    zero = np.zeros(np.broadcast_shapes(np.shape(first), np.shape(second), np.shape(angle)))
-    row = np.stack([1 / first + zero, -1 / (first * np.tan(angle)) + zero], axis=-1)
-    return np.stack([row, np.stack([zero, 1 / (second * np.sin(angle)) + zero], axis=-1)], axis=-2)
+    @classmethod
+    def wanted(
+        cls,
+        first: Float[np.ndarray, "*c"],
+        second: Float[np.ndarray, "*c"],
+        angle: Float[np.ndarray, "*c"] | None = None,
+    ) -> "Corners":
+        """Return corners with edges of lengths `first`, `second` at `angle` radians (a right angle if None)."""
+        if angle is None:
+            f, g = 1 / first, 1 / second
+            return cls(f * f, np.zeros(()), g * g, f * g)
+        sine = np.sin(angle)
+        cotangent = np.cos(angle) / sine
+        return cls(
+            (1 + cotangent**2) / first**2,
+            -cotangent / (first * second * sine),
+            1 / (second * sine) ** 2,
+            1 / (first * second * sine),
+        )
 
 
 def corner_operator(quads: Int[np.ndarray, "m 4"], size: int) -> csr_matrix:
-    """Return the (8 m, size) matrix from points to corner edges: row `8 q + 2 c` is the edge of corner `c` ahead."""
-    ahead, behind = np.roll(quads, -1, axis=1), np.roll(quads, 1, axis=1)
-    head = np.stack([ahead, behind], axis=-1).ravel()
-    tail = np.repeat(quads.ravel(), 2)
-    rows = np.arange(len(head))
-    data = np.concatenate([np.ones(len(head)), -np.ones(len(head))])
-    return csr_matrix((data, (np.concatenate([rows, rows]), np.concatenate([head, tail]))), (len(head), size))
+    """Return the (8 m, size) matrix from points to corner edges.
+
+    Row `4 q + c` is the edge from corner `c` of quad `q` to the next corner, row `4 m + 4 q + c` that to the previous.
+    """
+    head = np.concatenate([np.roll(quads, -1, axis=1).ravel(), np.roll(quads, 1, axis=1).ravel()])
+    tail = np.tile(quads.ravel(), 2)
+    rows = np.tile(np.arange(len(head)), 2)
+    data = np.repeat([1.0, -1.0], len(head))
+    return csr_matrix((data, (rows, np.concatenate([head, tail]))), (len(head), size))
 
 
-def mean_energy(
+def corner_energy(
+    edges: Float[np.ndarray, "r 2"], corners: Corners, size_weight: float, epsilon: float
+) -> Float[np.ndarray, "*c"]:
+    """Return the energy of each corner for edges as `corner_operator` gives them."""
+    (fx, gx), (fy, gy) = edges.T.reshape(2, 2, -1)
+    spread = corners.ff * (fx * fx + fy * fy) + 2 * corners.fg * (fx * gx + fy * gy) + corners.gg * (gx * gx + gy * gy)
+    det = corners.scale * (fx * gy - fy * gx)
+    chi, _ = _regularised(det, epsilon)
+    return (spread + size_weight * (1 + det * det)) / (2 * chi)
+
+
+def total_energy(
     edges: Float[np.ndarray, "r 2"],
-    target: Float[np.ndarray, "m 4 2 2"],
-    weight: Float[np.ndarray, " m"],
+    corners: Corners,
+    weight: Float[np.ndarray, " c"],
     size_weight: float,
     epsilon: float,
 ) -> tuple[float, Float[np.ndarray, "r 2"]]:
-    """Return the mean over quads of given weight and its gradient in the rows of `corner_operator(...) @ points`."""
-    stacked = np.swapaxes(edges.reshape(-1, 4, 2, 2), -2, -1)
-    energy, gradient = corner_energy(stacked, target, size_weight, epsilon)
-    share = weight / (4 * weight.sum())
-    gradient *= share[:, None, None, None]
-    return float(share @ energy.sum(axis=1)), np.swapaxes(gradient, -2, -1).reshape(-1, 2)
+    """Return the weighted sum of the corner energies and its gradient in `edges`."""
+    (fx, gx), (fy, gy) = edges.T.reshape(2, 2, -1)
+    ff, fg, gg, scale = corners.ff, corners.fg, corners.gg, corners.scale
+    spread = ff * (fx * fx + fy * fy) + 2 * fg * (fx * gx + fy * gy) + gg * (gx * gx + gy * gy)
+    det = scale * (fx * gy - fy * gx)
+    chi, root = _regularised(det, epsilon)
+    energy = (spread + size_weight * (1 + det * det)) / (2 * chi)
+    share = weight / chi
+    turn = weight * scale * (size_weight * det / chi - energy / root)
+    ff, fg, gg = share * ff, share * fg, share * gg
+    slope = np.empty((2, 2, len(fx)))
+    slope[0, 0], slope[1, 0] = ff * fx + fg * gx + turn * gy, ff * fy + fg * gy - turn * gx
+    slope[0, 1], slope[1, 1] = gg * gx + fg * fx - turn * fy, gg * gy + fg * fy + turn * fx
+    return float(weight @ energy), slope.reshape(2, -1).T
+
+
+def _regularised(det: np.ndarray, epsilon: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return `chi` and `sqrt(eps^2 + det^2)`; for det < 0 by the form that does not cancel."""
+    root = np.sqrt(epsilon**2 + det * det)
+    sum_ = root + np.abs(det)
+    return np.where(det > 0, sum_ / 2, epsilon**2 / (2 * sum_)), root

@@ -2,18 +2,24 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import minimize
 
 from drl_meshgen.templates.corners import reference
-from drl_meshgen.templates.curves import left_normal
-from drl_meshgen.templates.energy import corner_operator, mean_energy
+from drl_meshgen.templates.energy import Corners, corner_energy, corner_operator, total_energy
 from drl_meshgen.templates.sketch import Sketch
 
 Size = Callable[[Float[np.ndarray, "p 2"]], Float[np.ndarray, " p"]]
 """Wanted edge length at points of the domain, in its units."""
+
+MAX_LAYERS = 60
+
+#: Chords of internal edges 0-7 from the singular points (less the corners for 0-3); a row vector's +90 degree turn.
+CHORD: Final[np.ndarray] = np.concatenate([np.eye(4), np.roll(np.eye(4), 1, axis=1) - np.eye(4)])
+TURN: Final[np.ndarray] = np.array([[0.0, 1.0], [-1.0, 0.0]])
 
 
 @dataclass(frozen=True)
@@ -43,25 +49,26 @@ class Placement:
     energy: float
 
 
-def chords(corners: Float[np.ndarray, "4 2"], singular: Float[np.ndarray, "4 2"]) -> Float[np.ndarray, "8 2"]:
-    """Return the chords of internal edges 0-7."""
-    return np.concatenate([singular - corners, np.roll(singular, -1, axis=0) - singular])
-
-
 def controls(sketch: Sketch, x: Float[np.ndarray, "16"]) -> Float[np.ndarray, "12 2"]:
     """Return singular points and bow vectors of the unknowns `x`: 4 points, then 8 bows relative to the chords."""
     singular = x[:8].reshape(4, 2)
-    return np.concatenate([singular, x[8:, None] * left_normal(chords(sketch.corners, singular))])
+    return np.concatenate([singular, x[8:, None] * _normals(sketch, singular)])
 
 
 def pulled_back(
     sketch: Sketch, x: Float[np.ndarray, "16"], slope: Float[np.ndarray, "12 2"]
 ) -> Float[np.ndarray, "16"]:
     """Return the gradient in `x` of a function whose gradient in `controls(sketch, x)` is `slope`."""
-    normal = left_normal(chords(sketch.corners, x[:8].reshape(4, 2)))
-    in_chord = -left_normal(x[8:, None] * slope[4:])
-    in_singular = slope[:4] + in_chord[:4] - in_chord[4:] + np.roll(in_chord[4:], 1, axis=0)
-    return np.concatenate([in_singular.ravel(), (slope[4:] * normal).sum(axis=1)])
+    in_singular = slope[:4] + CHORD.T @ (x[8:, None] * slope[4:]) @ TURN.T
+    in_bows = np.einsum("ij,ij->i", slope[4:], _normals(sketch, x[:8].reshape(4, 2)))
+    return np.concatenate([in_singular.ravel(), in_bows])
+
+
+def _normals(sketch: Sketch, singular: Float[np.ndarray, "4 2"]) -> Float[np.ndarray, "8 2"]:
+    """Return the chords of internal edges 0-7 turned by +90 degrees."""
+    chords = CHORD @ singular
+    chords[:4] -= sketch.corners
+    return chords @ TURN
 
 
 def tutte(sketch: Sketch) -> Float[np.ndarray, "4 2"]:
@@ -99,16 +106,17 @@ def place(sketch: Sketch, size: Size, layers: int | None, options: PlacementOpti
         fixed, basis = operator @ fixed, operator @ basis
         if layers is None:
             k = _best_layers(sketch, fixed + basis @ moved, h, o)
-        target, cells = sketch.targets(h, k), sketch.cells(k)
+        corners, weights = sketch.wanted(h, k), sketch.weights(k)
 
         def objective(
             x: np.ndarray,
             fixed: np.ndarray = fixed,
             basis: np.ndarray = basis,
-            target: np.ndarray = target,
-            cells: np.ndarray = cells,
+            corners: Corners = corners,
+            weights: np.ndarray = weights,
         ) -> tuple[float, np.ndarray]:
-            value, slope = mean_energy(fixed + basis @ controls(sketch, x), target, cells, o.size_weight, o.epsilon)
+            edges = fixed + basis @ controls(sketch, x)
+            value, slope = total_energy(edges, corners, weights, o.size_weight, o.epsilon)
             gradient = pulled_back(sketch, x, basis.T @ slope)
             gradient[8:] += 2 * o.bow_weight * x[8:]
             return value + o.bow_weight * float(x[8:] @ x[8:]), gradient
@@ -119,11 +127,8 @@ def place(sketch: Sketch, size: Size, layers: int | None, options: PlacementOpti
 
 
 def _best_layers(sketch: Sketch, edges: np.ndarray, h: np.ndarray, options: PlacementOptions) -> int:
-    """Return the number of layers of least energy for given positions: the first local minimum from 1 upwards."""
-    best, lowest = 1, np.inf
-    for k in range(1, 2 * (sketch.m + sketch.n)):
-        energy, _ = mean_energy(edges, sketch.targets(h, k), sketch.cells(k), options.size_weight, options.epsilon)
-        if energy >= lowest:
-            break
-        best, lowest = k, energy
-    return best
+    """Return the number of layers of least energy for given positions."""
+    k = np.arange(1, MAX_LAYERS + 1)
+    stacked = k[:, None, None].astype(float)
+    energy = corner_energy(edges, sketch.wanted(h, stacked), options.size_weight, options.epsilon)
+    return int(k[(sketch.weights(stacked) * energy).sum(axis=-1).argmin()])

@@ -1,17 +1,16 @@
 """A coarse O-type mesh as a linear function of its singular points and bows, for fast descent."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from drl_meshgen.templates.curves import graded
 from drl_meshgen.templates.domain import Domain
-from drl_meshgen.templates.energy import wanted
+from drl_meshgen.templates.energy import Corners
 from drl_meshgen.templates.mesh import grid_quads
 from drl_meshgen.templates.o_type import grids, positions, rim_fractions
-
-RIGHT = np.array(np.pi / 2)
 
 
 def subset(count: int, limit: int) -> Int[np.ndarray, " s"]:
@@ -65,7 +64,7 @@ class Sketch:
         """First corner and cells per side of the coarse grid."""
         return 0, len(self.fractions[0]) - 1, len(self.fractions[1]) - 1
 
-    @property
+    @cached_property
     def corners(self) -> Float[np.ndarray, "4 2"]:
         """Positions of the corners."""
         _, a, b = self.coarse
@@ -82,13 +81,17 @@ class Sketch:
         fixed = positions(self.rim, np.zeros((4, 2)), np.zeros((8, 2, 2)), **kept)
         return fixed, positions(zero, unit[:4], bow, **kept)
 
-    def targets(self, size: Float[np.ndarray, "q 4"], k: float) -> Float[np.ndarray, "q 4 2 2"]:
-        """Return inverse wanted corner matrices for `k` layers and cells of edge length `size`."""
-        u, v = self.steps.T
-        v = np.where(self.outer, v * k / self.layers, v)
-        first, second = np.stack([u, v, u, v], axis=1), np.stack([v, u, v, u], axis=1)
-        return wanted(first * size, second * size, RIGHT)
+    def wanted(self, size: Float[np.ndarray, "q 4"], k: Float[np.ndarray, "*k 1 1"] | float) -> Corners:
+        """Return wanted corners, flattened to (..., 4 q), of `k` layers of cells of edge length `size`."""
+        u, v = self.steps.T[:, :, None]
+        v = np.where(self.outer[:, None], v * k / self.layers, v)
+        even = np.arange(4) % 2 == 0
+        first, second = np.where(even, u, v) * size, np.where(even, v, u) * size
+        return Corners.wanted(first.reshape(*first.shape[:-2], -1), second.reshape(*second.shape[:-2], -1))
 
-    def cells(self, k: float) -> Float[np.ndarray, " q"]:
-        """Return how many cells of the full mesh with `k` layers each coarse cell stands for."""
-        return np.prod(self.steps, axis=1) * np.where(self.outer, k / self.layers, 1.0)
+    def weights(self, k: Float[np.ndarray, "*k 1 1"] | float) -> Float[np.ndarray, "*k c"]:
+        """Return the share of each coarse corner, (..., 4 q), in a mean over the cells of the full mesh."""
+        cells = (np.prod(self.steps, axis=1) * np.where(self.outer, 1 / self.layers, 1.0))[:, None]
+        cells = np.where(self.outer[:, None], cells * k, cells)
+        share = np.repeat(cells / (4 * cells.sum(axis=-2, keepdims=True)), 4, axis=-1)
+        return share.reshape(*share.shape[:-2], -1)

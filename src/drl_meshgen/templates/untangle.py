@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import minimize
 
-from drl_meshgen.templates.energy import corner_operator, mean_energy, wanted
+from drl_meshgen.templates.energy import Corners, corner_operator, total_energy
 from drl_meshgen.templates.mesh import TemplateMesh
 from drl_meshgen.templates.score import jacobians
 
@@ -33,18 +33,19 @@ def untangle(
     valence = mesh.blocks.mesh.topology.valence
     angle = np.where(np.arange(len(points)) < boundary, np.pi / 2, 2 * np.pi / valence)
     local = size[quads].mean(axis=1)
-    target = wanted(local[:, None], local[:, None], angle[quads])
+    side = np.repeat(local, 4)
+    corners = Corners.wanted(side, side, angle[quads].ravel())
     operator = corner_operator(quads, len(points))
     inner = operator[:, boundary:]
     rim = operator[:, :boundary] @ points[:boundary]
-    weight = np.ones(len(quads))
+    weight = np.full(len(side), 1 / len(side))
     epsilon = 1.0
     for _ in range(rounds):
         worst = float((jacobians(points, quads).min(axis=1) / local**2).min())
         epsilon = min(epsilon / 2, float(np.sqrt(1e-6 + 0.04 * min(worst, 0.0) ** 2))) if worst < 0 else epsilon / 2
 
         def objective(x: np.ndarray, epsilon: float = epsilon) -> tuple[float, np.ndarray]:
-            value, slope = mean_energy(rim + inner @ x.reshape(-1, 2), target, weight, 0.2, epsilon)
+            value, slope = total_energy(rim + inner @ x.reshape(-1, 2), corners, weight, 0.2, epsilon)
             return value, (inner.T @ slope).ravel()
 
         options = {"maxiter": iterations, "maxcor": 12}
