@@ -1,0 +1,207 @@
+"""Where the nodes of every curve lie, and which node of a curve each column of a ring meets."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from drl_meshgen.decompose import Layout
+from drl_meshgen.decompose.cells import Cell, Ring
+from drl_meshgen.partition import Curve, Partition
+
+#: Neighbouring nodes of a curve start at least this share of the mean spacing apart.
+LEAST_GAP = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class LoopMap:
+    """Monotone map between a ring's theta along one of its loops and the position on the shared curve.
+
+    Both are unrolled over one period: `theta` rises by 1, `position` (share of the curve's length) rises or falls by 1.
+    """
+
+    theta: Float[np.ndarray, " n"]
+    position: Float[np.ndarray, " n"]
+
+    @property
+    def direction(self) -> int:
+        """1 when the curve runs with theta, -1 when against."""
+        return 1 if self.position[-1] > self.position[0] else -1
+
+    def to_position(self, theta: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+        """Position on the curve (any real, period 1) at each theta."""
+        turn = np.floor(theta - self.theta[0])
+        return np.interp(theta - turn, self.theta, self.position) + self.direction * turn
+
+    def to_theta(self, position: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+        """Theta at each position."""
+        forward = self.direction * (position - self.position[0])
+        turn = np.floor(forward)
+        return np.interp(forward - turn, self.direction * (self.position - self.position[0]), self.theta) + turn
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Column `j` of a ring meets node `(start + direction * j) mod n` of a curve, at `theta[j]` (unrolled)."""
+
+    start: int
+    direction: int
+    theta: Float[np.ndarray, " n"]
+
+    def nodes(self) -> Int[np.ndarray, " n"]:
+        """Index on the curve of the node that each column meets."""
+        n = len(self.theta)
+        return (self.start + self.direction * np.arange(n)) % n
+
+
+def loop_map(ring: Ring, loop: Int[np.ndarray, " n"], curve: Curve) -> LoopMap:
+    """Relate `loop` (of `ring`, in increasing theta) to positions on `curve`."""
+    theta = ring.unwrapped(loop)
+    p = ring.mesh.vertices[loop]
+    step = np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1)
+    along = np.r_[0.0, np.cumsum(step)] / step.sum()
+    place = {int(v): k for k, v in enumerate(curve.vertices)}
+    known = [(k, place[int(v)]) for k, v in enumerate(ring.origin[loop]) if int(v) in place]
+    n = len(curve.vertices)
+    forward = (known[1][1] - known[0][1]) % n < (known[0][1] - known[1][1]) % n
+    zero = next(k for k, index in known if index == 0)
+    position = along - along[zero]
+    return LoopMap(np.r_[theta, theta[0] + 1], position if forward else -position)
+
+
+def spread(theta: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Blend increasing angles of period 1 with equal spacing, just enough to keep `LEAST_GAP` between neighbours."""
+    n = len(theta)
+    gap = np.diff(np.r_[theta, theta[0] + 1])
+    uniform = np.arange(n) / n
+    uniform = uniform + (theta - uniform).mean()
+    tight = gap.min() * n
+    share = 0.0 if tight >= LEAST_GAP else (LEAST_GAP - tight) / (1 - tight)
+    return (1 - share) * theta + share * uniform
+
+
+def best_shift(wanted: Float[np.ndarray, " n"], given: Float[np.ndarray, " n"]) -> tuple[int, float]:
+    """Cyclic shift `m` and whole turns `w` that bring `given[j + m] + w` closest to `wanted[j]`, both of period 1."""
+    n = len(wanted)
+    rolled = np.concatenate([given, given + 1])[np.arange(n)[None, :] + np.arange(n)[:, None]]
+    gap = rolled - wanted[None, :]
+    turns = np.round(gap.mean(1))
+    cost = ((gap - turns[:, None]) ** 2).sum(1)
+    m = int(np.argmin(cost))
+    return m, float(-turns[m])
+
+
+def outer_theta(cell: Cell, counts: Int[np.ndarray, " e"]) -> Float[np.ndarray, " n"]:
+    """Theta of the nodes along the outer loop of `cell`, from its first side on, equally spaced on every spine edge."""
+    ring = cell.ring
+    theta = ring.unwrapped(ring.outer)
+    closed = np.r_[theta, theta[0] + 1]
+    vertices = np.r_[ring.outer, ring.outer[0]]
+    bounds = np.r_[cell.starts, cell.starts[0] + len(ring.outer)]
+    out = []
+    for (edge, _), a, b in zip(cell.sides, bounds, bounds[1:], strict=False):
+        span = np.arange(a, b + 1)
+        angle = closed[span % len(ring.outer)] + span // len(ring.outer)
+        p = ring.mesh.vertices[vertices[span % len(ring.outer)]]
+        length = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))]
+        out.append(np.interp(np.linspace(0, length[-1], counts[edge] + 1)[:-1], length, angle))
+    return np.concatenate(out)
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """Node positions of every curve (share of its length) and the columns of every ring.
+
+    `cells[j][l]` are the columns at the loop and the theta of the outer nodes; `tubes[t]` those at both curves.
+    """
+
+    positions: tuple[Float[np.ndarray, " n"], ...]
+    cells: tuple[tuple[tuple[Columns, Float[np.ndarray, " n"]], ...], ...]
+    tubes: tuple[tuple[Columns, Columns], ...]
+
+
+def align(partition: Partition, layout: Layout) -> Alignment:
+    """Place the nodes of all curves: natural positions of the cells first, carried on through tubes."""
+    curves = partition.curves
+    positions: list[np.ndarray | None] = [None] * len(curves)
+    cell_columns = [
+        tuple(
+            _align_cell(curves[c], cell, outer_theta(cell, counts), positions, c)
+            for c, cell in zip(junction.curves, junction.cells, strict=True)
+        )
+        for junction, counts in zip(layout.pieces.junctions, layout.edge_counts, strict=True)
+    ]
+    tubes: list[tuple[Columns, Columns] | None] = [None] * len(layout.pieces.tubes)
+    for cap in layout.pieces.caps:
+        if curves[cap.curve].is_boundary:
+            positions[cap.curve] = np.arange(layout.curve_counts[cap.curve]) / layout.curve_counts[cap.curve]
+    while any(t is None for t in tubes):
+        ready = [k for k, t in enumerate(tubes) if t is None and _placed(layout, positions, k)]
+        if not ready:
+            c = next(layout.pieces.tubes[k].curves[0] for k, t in enumerate(tubes) if t is None)
+            positions[c] = np.arange(layout.curve_counts[c]) / layout.curve_counts[c]
+            continue
+        for k in ready:
+            tubes[k] = _align_tube(layout, curves, positions, k)
+    return Alignment(
+        tuple(p for p in positions if p is not None), tuple(cell_columns), tuple(t for t in tubes if t is not None)
+    )
+
+
+def _placed(layout: Layout, positions: list[np.ndarray | None], tube: int) -> bool:
+    return any(positions[c] is not None for c in layout.pieces.tubes[tube].curves)
+
+
+def _align_cell(
+    curve: Curve, cell: Cell, outer: np.ndarray, positions: list[np.ndarray | None], c: int
+) -> tuple[Columns, np.ndarray]:
+    relation = loop_map(cell.ring, cell.ring.inner, curve)
+    theta = spread(outer)
+    n, direction = len(theta), relation.direction
+    held = positions[c]
+    order = np.arange(n) if direction > 0 else -np.arange(n) % n
+    if held is None:
+        positions[c] = _rising(relation.to_position(theta)[order])
+        return Columns(0, direction, theta), outer
+    there = relation.to_theta(held)
+    given = _rising(there[order])
+    shift, turns = best_shift(theta, given)
+    start = shift if direction > 0 else (-shift) % n
+    met = given[(np.arange(n) + shift) % n] + (np.arange(n) + shift) // n + turns
+    return Columns(start, direction, met), outer
+
+
+def _rising(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Unroll values of period 1 that rise cyclically into an increasing sequence."""
+    step = np.diff(values)
+    return values[0] + np.r_[0.0, np.cumsum(step - np.floor(step))]
+
+
+def _align_tube(
+    layout: Layout, curves: tuple[Curve, ...], positions: list[np.ndarray | None], k: int
+) -> tuple[Columns, Columns]:
+    tube = layout.pieces.tubes[k]
+    maps = (
+        loop_map(tube.ring, tube.ring.inner, curves[tube.curves[0]]),
+        loop_map(tube.ring, tube.ring.outer, curves[tube.curves[1]]),
+    )
+    n = int(layout.curve_counts[tube.curves[0]])
+    first = 0 if positions[tube.curves[0]] is not None else 1
+    base, other = maps[first], maps[1 - first]
+    held = positions[tube.curves[first]]
+    order = np.arange(n) if base.direction > 0 else -np.arange(n) % n
+    theta = _rising(base.to_theta(np.asarray(held))[order])
+    mine = Columns(0, base.direction, theta)
+    far = positions[tube.curves[1 - first]]
+    if far is None:
+        placed = other.to_position(theta)
+        back = np.arange(n) if other.direction > 0 else -np.arange(n) % n
+        positions[tube.curves[1 - first]] = _rising(placed[back])
+        theirs = Columns(0, other.direction, theta)
+    else:
+        back = np.arange(n) if other.direction > 0 else -np.arange(n) % n
+        given = _rising(other.to_theta(far)[back])
+        shift, turns = best_shift(theta, given)
+        met = given[(np.arange(n) + shift) % n] + (np.arange(n) + shift) // n + turns
+        theirs = Columns(shift if other.direction > 0 else (-shift) % n, other.direction, met)
+    return (mine, theirs) if first == 0 else (theirs, mine)

@@ -1,0 +1,105 @@
+"""Cells of a junction: the rings that its spine leaves, one per loop, with charts."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from drl_meshgen.decompose.spine import Spine
+from drl_meshgen.lift.harmonic import RingChart, ring_chart
+from drl_meshgen.mesh import TriMesh
+from drl_meshgen.mesh.cutgraph import corner_classes
+from drl_meshgen.mesh.topology import Topology
+
+
+@dataclass(frozen=True, eq=False)
+class Ring:
+    """A ring of the surface with its chart; `h` is 0 on `inner` and 1 on `outer`.
+
+    `inner` and `outer` are vertices of `mesh` in the direction of increasing theta; `origin (v,)` maps vertices of
+    `mesh` to vertices of the cut surface (-1 for those that refinement made).
+    """
+
+    mesh: TriMesh
+    origin: Int[np.ndarray, " v"]
+    inner: Int[np.ndarray, " a"]
+    outer: Int[np.ndarray, " b"]
+    chart: RingChart
+
+    def unwrapped(self, loop: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Theta along `inner` or `outer`, made increasing over one period."""
+        theta = self.chart.theta[loop]
+        step = np.diff(np.r_[theta, theta[0]])
+        step -= np.round(step - 1 / len(loop))
+        step = np.maximum(step, 1e-9)
+        return theta[0] + np.r_[0.0, np.cumsum(step[:-1])] / step.sum()
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """Ring of one loop. `sides` lists the spine edges along `outer` as (edge, forward) in increasing theta.
+
+    `starts (s,)` is the index into `ring.outer` where each side begins.
+    """
+
+    ring: Ring
+    sides: tuple[tuple[int, bool], ...]
+    starts: Int[np.ndarray, " s"]
+
+
+def submesh(mesh: TriMesh, faces: Int[np.ndarray, " f"]) -> tuple[TriMesh, Int[np.ndarray, " v"]]:
+    """The triangles `faces` as a mesh of their own and the ids of its vertices."""
+    ids, local = np.unique(mesh.triangles[faces], return_inverse=True)
+    return TriMesh(mesh.vertices[ids], local.reshape(-1, 3)), ids
+
+
+def ring_between(
+    mesh: TriMesh, origin: Int[np.ndarray, " v"], inner_vertices: Int[np.ndarray, " n"]
+) -> Ring | None:
+    """Chart a mesh that should be a ring whose first loop passes through `inner_vertices` (ids as in `origin`)."""
+    topology = mesh.topology
+    loops = topology.loops
+    if len(loops) != 2 or topology.euler != 0:
+        return None
+    on_inner = [bool(np.isin(origin[loop], inner_vertices).all()) for loop in loops]
+    if sum(on_inner) != 1:
+        return None
+    inner, outer = (loops[0], loops[1]) if on_inner[0] else (loops[1], loops[0])
+    outer = np.roll(outer[::-1], 1)  # the mesh is on the left of its loops: theta runs the other way round there
+    return Ring(mesh, origin, inner, outer, ring_chart(mesh, inner, outer))
+
+
+def cells(
+    mesh: TriMesh, graph: Spine, loops: tuple[Int[np.ndarray, " n"], ...]
+) -> tuple[Cell, ...] | None:
+    """One cell per loop, in the order of `loops` (vertex ids of `mesh`); None when the complement is not rings."""
+    classes = corner_classes(mesh.topology, graph.edge_flags)
+    first = np.unique(classes, return_index=True)[1]
+    opened = Topology(int(classes.max()) + 1, classes)
+    origin = mesh.triangles.ravel()[first]
+    n, label = opened.components
+    if n != len(loops):
+        return None
+    start_of: dict[tuple[int, int], tuple[int, bool]] = {}
+    for e, path in enumerate(graph.paths):
+        start_of[int(path[0]), int(path[1])] = (e, True)
+        start_of[int(path[-1]), int(path[-2])] = (e, False)
+    whole = TriMesh(mesh.vertices[origin], classes)
+    found: list[Cell | None] = [None] * len(loops)
+    nodes = set(graph.nodes.tolist())
+    for c in range(n):
+        faces = np.nonzero(label == c)[0]
+        piece, ids = submesh(whole, faces)
+        touching = [k for k, loop in enumerate(loops) if np.isin(origin[ids], loop).any()]
+        if len(touching) != 1:
+            return None
+        ring = ring_between(piece, origin[ids], loops[touching[0]])
+        if ring is None:
+            return None
+        rim = ring.origin[ring.outer]
+        begins = [k for k, v in enumerate(rim.tolist()) if v in nodes]
+        if not begins:
+            return None
+        sides = tuple(start_of[int(rim[k]), int(rim[(k + 1) % len(rim)])] for k in begins)
+        found[touching[0]] = Cell(ring, sides, np.array(begins, np.int64))
+    return None if any(cell is None for cell in found) else tuple(cell for cell in found if cell is not None)

@@ -1,0 +1,112 @@
+"""Pieces of the decomposition: junctions with their cells, tubes and caps, each with a chart."""
+
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from drl_meshgen.decompose.cells import Cell, Ring, cells, ring_between, submesh
+from drl_meshgen.decompose.spine import Spine, loop_distance, spine
+from drl_meshgen.errors import StageError
+from drl_meshgen.mesh import TriMesh
+from drl_meshgen.partition import Partition, RegionKind
+from drl_meshgen.partition.cutting import midpoint_refined
+
+
+class PieceOutcome(Enum):
+    """Verdicts of the decomposition of regions."""
+
+    NO_RINGS = "the spine of a junction does not leave one ring per loop"
+    NOT_A_RING = "a tube is not a ring between two curves"
+
+
+@dataclass(frozen=True, eq=False)
+class Junction:
+    """A region with three or more loops: its spine and one cell per loop (`curves` are the ids of the loops).
+
+    `points` are the vertices that the spine's paths refer to.
+    """
+
+    points: Float[np.ndarray, "v 3"]
+    spine: Spine
+    curves: tuple[int, ...]
+    cells: tuple[Cell, ...]
+
+    @property
+    def lengths(self) -> Float[np.ndarray, " e"]:
+        """Length of each spine edge (model units)."""
+        steps = [np.linalg.norm(np.diff(self.points[path], axis=0), axis=1) for path in self.spine.paths]
+        return np.array([step.sum() for step in steps])
+
+
+@dataclass(frozen=True, eq=False)
+class Tube:
+    """A ring between two curves; its chart has h = 0 on `curves[0]`."""
+
+    curves: tuple[int, int]
+    ring: Ring
+
+
+@dataclass(frozen=True, eq=False)
+class Cap:
+    """A disk inside one curve. `loop` are the vertices of `mesh` on it, the cap on their left."""
+
+    curve: int
+    mesh: TriMesh
+    origin: Int[np.ndarray, " v"]
+    loop: Int[np.ndarray, " n"]
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Everything the counts and the fill need to know about the regions."""
+
+    junctions: tuple[Junction, ...]
+    tubes: tuple[Tube, ...]
+    caps: tuple[Cap, ...]
+
+
+def pieces(partition: Partition, exponents: tuple[float, ...]) -> Pieces:
+    """Chart every region. Junction `k` measures its distances with `exponents[k % len]` (see `loop_distance`).
+
+    Raises `StageError` when a region does not have the shape that its kind promises.
+    """
+    junctions, tubes, caps = [], [], []
+    for r, region in enumerate(partition.regions):
+        mesh, ids = submesh(partition.surface.mesh, np.nonzero(partition.region == r)[0])
+        if region.kind is RegionKind.CAP:
+            caps.append(Cap(region.loops[0], mesh, ids, mesh.topology.loops[0]))
+        elif region.kind is RegionKind.TUBE:
+            first, second = region.loops
+            ring = ring_between(mesh, ids, partition.curves[first].vertices)
+            if ring is None:
+                raise StageError("decompose", PieceOutcome.NOT_A_RING, f"region {r}")
+            tubes.append(Tube((first, second), ring))
+        else:
+            exponent = exponents[len(junctions) % len(exponents)]
+            junctions.append(_junction(partition, mesh, ids, region.loops, exponent, r))
+    return Pieces(tuple(junctions), tuple(tubes), tuple(caps))
+
+
+def _junction(
+    partition: Partition, mesh: TriMesh, ids: np.ndarray, curves: tuple[int, ...], exponent: float, r: int
+) -> Junction:
+    fine, _ = midpoint_refined(mesh, np.arange(len(mesh.triangles)))
+    on_curve = {c: set(partition.curves[c].vertices.tolist()) for c in curves}
+    loops = []
+    for c in curves:
+        loops.append(next(loop for loop in fine.topology.loops if int(_old(loop, ids)[0]) in on_curve[c]))
+    graph = spine(fine, loop_distance(fine, tuple(loops), exponent=exponent))
+    found = cells(fine, graph, tuple(loops))
+    if found is None:
+        raise StageError("decompose", PieceOutcome.NO_RINGS, f"region {r} with {len(curves)} loops")
+    known = np.full(len(fine.vertices), -1)
+    known[: len(ids)] = ids
+    placed = tuple(replace(cell, ring=replace(cell.ring, origin=known[cell.ring.origin])) for cell in found)
+    return Junction(fine.vertices, graph, curves, placed)
+
+
+def _old(loop: np.ndarray, ids: np.ndarray) -> np.ndarray:
+    """Ids of the vertices of a refined loop that were there before the refinement."""
+    return ids[loop[loop < len(ids)]]

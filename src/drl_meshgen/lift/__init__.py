@@ -1,0 +1,1 @@
+"""Charts of regions and the way back to the surface."""

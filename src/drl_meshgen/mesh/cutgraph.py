@@ -1,0 +1,32 @@
+"""Opening a mesh along some of its edges."""
+
+import numpy as np
+from jaxtyping import Int
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from drl_meshgen.mesh.topology import Topology
+
+
+def corner_classes(topology: Topology, cut_edge: np.ndarray) -> Int[np.ndarray, "m k"]:
+    """Vertex of each face corner after opening the mesh along the edges flagged in `cut_edge (e,)` (bool).
+
+    Corners at one vertex stay together when a fan of faces joins them without crossing a cut edge. Classes are
+    numbered by their first corner.
+    """
+    faces, k = topology.faces, topology.faces.shape[1]
+    keep = (topology.edge_count == 2) & ~cut_edge
+    flat = topology.face_edges.ravel()
+    order = np.argsort(flat, kind="stable")
+    order = order[keep[flat[order]]]
+    one, two = order[0::2], order[1::2]
+    # side s of a face runs from corner s to corner s + 1; the neighbour runs through it the other way
+    ahead = lambda side: side - side % k + (side % k + 1) % k  # noqa: E731
+    a = np.r_[one, ahead(one)]
+    b = np.r_[ahead(two), two]
+    n = faces.size
+    label = connected_components(coo_matrix((np.ones(len(a), np.int8), (a, b)), (n, n)), directed=False)[1]
+    first = np.unique(label, return_index=True)[1]
+    rank = np.empty(len(first), np.int64)
+    rank[np.argsort(first, kind="stable")] = np.arange(len(first))
+    return rank[label].reshape(-1, k)
