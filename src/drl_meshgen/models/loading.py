@@ -1,0 +1,43 @@
+"""One entry for every source of surfaces."""
+
+from pathlib import Path
+
+from drl_meshgen.errors import InputError
+from drl_meshgen.mesh import TriMesh
+from drl_meshgen.models.cache import DEFAULT_CACHE, cached_surface
+from drl_meshgen.models.giraffe import giraffe
+from drl_meshgen.models.hand import hand
+from drl_meshgen.models.hemisphere import hemisphere
+from drl_meshgen.models.reading import read_surface
+from drl_meshgen.models.sampling import sample
+from drl_meshgen.models.surface import RawSurface
+
+MODELS = ("hemisphere", "giraffe", "hand")
+MIN_TRIANGLES, MAX_TRIANGLES = 5_000, 1_000_000
+
+
+def generate(name: str, triangles: int) -> TriMesh:
+    """Build a model by code: one oriented disk of about `triangles` triangles (within 10 %)."""
+    if name == "hemisphere":
+        return hemisphere(triangles)
+    return sample({"giraffe": giraffe, "hand": hand}[name](), triangles)
+
+
+def load(name_or_path: str | Path, triangles: int = 25_000, cache_dir: Path | None = DEFAULT_CACHE) -> RawSurface:
+    """Return a model by name or the surface in a file.
+
+    Names are those of `MODELS`; `triangles` is their size, 5,000 to 1,000,000, and is ignored for files. Giraffe
+    and hand are kept in `cache_dir` (None: always built anew; the default is chosen as `cache.default_folder` says).
+
+    Raises `InputError` for a size out of range and for anything in a file that is not a triangulated surface.
+    """
+    name = str(name_or_path)
+    if name not in MODELS:
+        return read_surface(Path(name_or_path))
+    if not MIN_TRIANGLES <= triangles <= MAX_TRIANGLES:
+        raise InputError(name, f"{triangles} triangles asked for", f"use {MIN_TRIANGLES} to {MAX_TRIANGLES}")
+    if name == "hemisphere" or cache_dir is None:
+        mesh = generate(name, triangles)
+    else:
+        mesh = cached_surface(name, triangles, lambda: generate(name, triangles), cache_dir)
+    return RawSurface(name, mesh.vertices, mesh.triangles)

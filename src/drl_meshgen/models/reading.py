@@ -1,0 +1,150 @@
+"""Read surfaces from user files; everything that is wrong with a file is said in one sentence."""
+
+import re
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from drl_meshgen.errors import InputError
+from drl_meshgen.models.surface import RawSurface
+
+if TYPE_CHECKING:
+    import pyvista as pv
+
+READABLE = (".stl", ".ply", ".obj", ".off", ".vtp", ".vtu")
+CONVERTIBLE = (".msh", ".step", ".stp", ".iges", ".igs")
+EXPORT_AGAIN = "export it again"
+PLY_BYTES = {
+    **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
+    **dict.fromkeys(("short", "ushort", "int16", "uint16"), 2),
+    **dict.fromkeys(("int", "uint", "int32", "uint32", "float", "float32"), 4),
+    **dict.fromkeys(("double", "float64"), 8),
+}
+
+
+def read_surface(path: Path) -> RawSurface:
+    """Read STL, PLY, OBJ, OFF, VTP or VTU; polygons are triangulated, positions kept as stored.
+
+    Raises `InputError` for a missing, unreadable, empty or truncated file, an unknown suffix, a file without
+    triangles, or coordinates that are not finite.
+    """
+    name, suffix = path.name or str(path), path.suffix.lower()
+    if suffix in CONVERTIBLE:
+        raise InputError(name, f"{suffix[1:].upper()} files are not read yet", "convert it to STL or PLY")
+    if suffix not in READABLE:
+        known = ", ".join(s[1:].upper() for s in READABLE)
+        raise InputError(name, f"neither a model's name nor a file type that is read ({known})")
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(name, "no such file") from None
+    except OSError as error:
+        raise InputError(name, f"cannot be read ({error.strerror})") from None
+    if not data.strip():
+        raise InputError(name, "the file is empty", EXPORT_AGAIN)
+    if suffix == ".off":
+        points, triangles = _parse_off(name, data)
+    else:
+        if suffix == ".stl":
+            _check_stl_length(name, data)
+        elif suffix == ".ply":
+            _check_ply_length(name, data)
+        points, triangles = _triangles_of(_read_vtk(name, path))
+    _check_arrays(name, points, triangles)
+    return RawSurface(path.stem, points, triangles)
+
+
+def _check_arrays(name: str, points: np.ndarray, triangles: np.ndarray) -> None:
+    if len(triangles) == 0:
+        raise InputError(name, "holds no triangles", "export the surface, not only its points or curves")
+    if triangles.min() < 0 or triangles.max() >= len(points):
+        raise InputError(name, "triangles refer to points that are not in the file", EXPORT_AGAIN)
+    bad = np.nonzero(~np.isfinite(points).all(axis=1))[0]
+    if len(bad):
+        raise InputError(name, f"{len(bad)} points have NaN or infinite coordinates, the first is point {bad[0]}")
+
+
+def _check_stl_length(name: str, data: bytes) -> None:
+    if len(data) >= 84:
+        count = int.from_bytes(data[80:84], "little")
+        if len(data) == 84 + 50 * count:
+            return
+    text = data.lstrip()[:5].lower() == b"solid" and b"facet" in data[:4096].lower()
+    if not text:
+        raise InputError(name, "the STL data is truncated or not STL", EXPORT_AGAIN)
+    if b"endsolid" not in data[-4096:].lower():
+        raise InputError(name, "the file ends in the middle of the solid", EXPORT_AGAIN)
+
+
+def _check_ply_length(name: str, data: bytes) -> None:
+    """Compare the size of a binary PLY with the least its header promises (every list as three entries)."""
+    end = re.search(rb"end_header\r?\n", data)
+    if not data.startswith(b"ply") or end is None:
+        raise InputError(name, "the PLY header is damaged", EXPORT_AGAIN)
+    header = data[: end.start()].decode("ascii", "replace").split("\n")
+    least, count, binary = 0, 0, True
+    for line in header:
+        words = line.split()
+        if words[:1] == ["format"]:
+            binary = words[1] != "ascii"
+        elif words[:1] == ["element"] and len(words) == 3 and words[2].isdigit():
+            count = int(words[2])
+        elif words[:2] == ["property", "list"]:
+            least += count * (PLY_BYTES.get(words[2], 1) + (3 * PLY_BYTES.get(words[3], 1) if "ind" in words[4] else 0))
+        elif words[:1] == ["property"]:
+            least += count * PLY_BYTES.get(words[1], 1)
+    body = data[end.end() :]
+    rows = sum(int(line.split()[2]) for line in header if line.startswith("element"))
+    if (binary and len(body) < least) or (not binary and len(body.split(b"\n")) < rows):
+        raise InputError(name, "the file is shorter than its header promises", EXPORT_AGAIN)
+
+
+def _read_vtk(name: str, path: Path) -> "pv.DataSet":
+    """Read through VTK with its messages caught."""
+    import pyvista as pv
+
+    complaints: list[str] = []
+    with pv.vtk_verbosity("off"):
+        try:
+            reader = pv.get_reader(path)
+            reader.reader.AddObserver("ErrorEvent", lambda *_: complaints.append("error"))
+            mesh = reader.read()
+        except (RuntimeError, ValueError, OSError):
+            raise InputError(name, f"is not a readable {path.suffix[1:].upper()} file", EXPORT_AGAIN) from None
+    if complaints:
+        raise InputError(name, f"damaged or truncated {path.suffix[1:].upper()} file", EXPORT_AGAIN)
+    return mesh
+
+
+def _triangles_of(mesh: "pv.DataSet") -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]:
+    import pyvista as pv
+
+    if not isinstance(mesh, pv.PolyData):
+        mesh = mesh.extract_geometry()
+    surface = mesh.triangulate()
+    triangles = surface.faces.reshape(-1, 4)[:, 1:]
+    return np.asarray(surface.points, np.float64), triangles.astype(np.int64)
+
+
+def _parse_off(name: str, data: bytes) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]:
+    """Parse the ASCII form; polygons become fans."""
+    lines = [line.split("#")[0] for line in data.decode("ascii", "replace").splitlines()]
+    words = " ".join(lines).split()
+    if words and words[0].upper().endswith("OFF"):
+        words = words[1:]
+    try:
+        n_points, n_faces = int(words[0]), int(words[1])
+        points = np.array(words[3 : 3 + 3 * n_points], float).reshape(n_points, 3)
+        at, triangles = 3 + 3 * n_points, []
+        rows = [line.split() for line in lines if line.strip()]
+        for row in rows[-n_faces:] if n_faces else []:
+            corners = [int(w) for w in row[1 : 1 + int(row[0])]]
+            triangles += [(corners[0], b, c) for b, c in pairwise(corners[1:])]
+        if at + 4 * n_faces > len(words):
+            raise InputError(name, "the file is shorter than its header promises", EXPORT_AGAIN)
+    except (ValueError, IndexError):
+        raise InputError(name, "damaged or truncated OFF file", EXPORT_AGAIN) from None
+    return points, np.array(triangles, np.int64).reshape(-1, 3)
