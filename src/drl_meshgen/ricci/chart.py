@@ -29,6 +29,12 @@ class Chart:
     """Largest gap at a glued side, relative to that side's length: round-off for a flat disk, of order one for a
     metric with curvature or around a hole that turns."""
 
+    @property
+    def inverted(self) -> Bool[np.ndarray, " n"]:
+        """Faces that lie clockwise or have no area: what is left where precision ran out."""
+        a, b = self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0]
+        return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] <= 0
+
 
 def faces_around(triangulation: FlatTriangulation, vertices: Int[np.ndarray, " n"]) -> Int[np.ndarray, " m"]:
     """Return the faces with at least one corner among `vertices`, increasing."""
@@ -56,7 +62,7 @@ def lay_out(triangulation: FlatTriangulation, faces: Int[np.ndarray, " n"] | Non
     parent, slot = _tree(glue, first)
     scale, shift = _place(shape, glue, parent, slot)
     placed = scale[:, None] * shape + shift[:, None]
-    positions = np.stack([placed.real, placed.imag], axis=-1)
+    positions = np.stack([np.real(placed), np.imag(placed)], axis=-1)
     error = _closing_error(placed, glue, np.exp(log_lengths).ravel())
     return Chart(faces, positions, _vertex_means(t.faces[faces], positions), error)
 
@@ -78,7 +84,7 @@ def _own_frames(log_lengths: np.ndarray, faces: np.ndarray) -> tuple[Complex[np.
     lengths = np.exp(log_lengths)
     direction = np.exp(1j * at.angles[:, 0])
     shape = np.stack([np.zeros(len(faces)), lengths[:, 2] + 0j, lengths[:, 1] * direction], axis=1)
-    return shape, lengths[:, 2] * lengths[:, 1] * direction.imag / 2
+    return shape, lengths[:, 2] * lengths[:, 1] * np.sin(at.angles[:, 0]) / 2
 
 
 def _tree(glue: np.ndarray, first: int) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
@@ -133,10 +139,3 @@ def _closing_error(placed: Complex[np.ndarray, "n 3"], glue: np.ndarray, lengths
         np.abs(tail - placed[other // 3, (other + 2) % 3]), np.abs(head - placed[other // 3, (other + 1) % 3])
     )
     return float((gap / lengths[slot]).max(initial=0.0))
-
-
-def flipped(chart: Chart) -> Bool[np.ndarray, " n"]:
-    """Faces of the chart that lie clockwise or have no area, in the order of `chart.faces`."""
-    p = chart.corners
-    a, b = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] <= 0

@@ -4,7 +4,7 @@ The metric `l_ij exp((u_i + u_j) / 2)` has curvature K (eq. 2); the flow (eq. 3)
 energy (eq. 4) that is minimised by Newton's method (eq. 5-6).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Literal
 
@@ -27,6 +27,8 @@ class RicciOptions:
 
     boundary: Literal["free", "disk"] = "free"
     """`free`: u = 0 on every boundary vertex, any number of loops. `disk`: one loop, mapped to a circle."""
+    flips: bool = True
+    """Flip edges to stay intrinsically Delaunay. Without, the surface's own edges are kept and triangles may break."""
     tolerance: float = 1e-10
     """Largest |K - K_target| at any free vertex, radians; below 1e-7 (the paper's figure)."""
     max_steps: int = 60
@@ -128,8 +130,8 @@ def solve(surface: TriMesh, options: RicciOptions | None = None, *, throw: bool 
     Intrinsic Delaunay flips at u = 0, then Newton's method with Ptolemy flips. Where this breaks down, fixed
     connectivity with the convex extension is the fallback, and broken triangles are reported.
 
-    Raises `StageError` for a closed surface and for a disk target that does not fit, and, unless `throw=False`, when
-    no usable metric was found.
+    Raises `ValueError` for edges without length, `StageError` for a closed surface and for a disk target that does not
+    fit, and, unless `throw=False`, `StageError` when no usable metric was found.
     """
     options = options or RicciOptions()
     topology = surface.topology
@@ -137,12 +139,10 @@ def solve(surface: TriMesh, options: RicciOptions | None = None, *, throw: bool 
         raise StageError("ricci", Outcome.CLOSED)
     if options.boundary == "disk" and (topology.euler != 1 or len(topology.loops) != 1):
         raise StageError("ricci", Outcome.NOT_A_DISK, f"{len(topology.loops)} loops, Euler number {topology.euler}")
-    original = Triangulation.of(surface)
-    delaunay, flips = intrinsic_delaunay(original)
-    result = _newton(surface, delaunay, flips, options, may_flip=True)
-    if not result.usable:
-        fallback = _newton(surface, original, 0, options, may_flip=False)
-        result = min(result, fallback, key=lambda r: r.error if np.isfinite(r.error) else np.inf)
+    result = _newton(surface, options)
+    if options.flips and not result.usable:
+        fallback = _newton(surface, replace(options, flips=False))
+        result = min(result, fallback, key=lambda r: (not r.usable, np.nan_to_num(r.error, nan=np.inf)))
     if throw and not result.usable:
         broken = int(result.history["broken"].iloc[-1])
         raise StageError("ricci", result.outcome, f"curvature error {result.error:.1e}, {broken} broken triangles")
@@ -173,17 +173,18 @@ def vertex_curvature(
 
 
 def _evaluate(
-    surface: TriMesh, triangulation: Triangulation, u: np.ndarray, target: Target, *, may_flip: bool
+    surface: TriMesh, triangulation: Triangulation, u: np.ndarray, target: Target, options: RicciOptions
 ) -> _State:
-    triangulation, flips = ptolemy_delaunay(triangulation, u) if may_flip else (triangulation, 0)
-    at = corners(triangulation.scaled(u))
-    curvature = vertex_curvature(surface, triangulation.faces, at.angles)
-    residual = curvature[target.free] - target.curvature(triangulation, u)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a step too far is told by its error
+        triangulation, flips = ptolemy_delaunay(triangulation, u) if options.flips else (triangulation, 0)
+        at = corners(triangulation.scaled(u))
+        curvature = vertex_curvature(surface, triangulation.faces, at.angles)
+        residual = curvature[target.free] - target.curvature(triangulation, u)
     return _State(u, triangulation, at, curvature, residual, flips)
 
 
 def _line_search(
-    surface: TriMesh, state: _State, du: np.ndarray, target: Target, options: RicciOptions, *, may_flip: bool
+    surface: TriMesh, state: _State, du: np.ndarray, target: Target, options: RicciOptions
 ) -> tuple[_State | None, float]:
     """Step that overshoots the minimum along `du` by at most a tenth of the slope, or halves the error."""
     largest = float(np.abs(du).max(initial=0.0))
@@ -195,25 +196,26 @@ def _line_search(
     for _ in range(options.max_halvings + 1):
         u = state.u.copy()
         u[target.free] += length * du
-        trial = _evaluate(surface, triangulation, u, target, may_flip=may_flip)
+        trial = _evaluate(surface, triangulation, u, target, options)
         flips, triangulation = flips + trial.flips, trial.triangulation
         allowed = np.isfinite(trial.error) and (target.convex or trial.broken <= state.broken)
         if allowed and (float(trial.residual @ du) <= 0.1 * slope or trial.error <= 0.5 * state.error):
-            return _State(u, triangulation, trial.corners, trial.curvature, trial.residual, flips), length
+            return replace(trial, flips=flips), length
         length /= 2
     return None, 0.0
 
 
-def _newton(
-    surface: TriMesh, triangulation: Triangulation, flips: int, options: RicciOptions, *, may_flip: bool
-) -> RicciResult:
+def _newton(surface: TriMesh, options: RicciOptions) -> RicciResult:
     topology, n = surface.topology, len(surface.vertices)
+    triangulation, flips = Triangulation.of(surface), 0
+    if options.flips:
+        triangulation, flips = intrinsic_delaunay(triangulation)
     target: Target = (
         FreeBoundary(np.nonzero(topology.used & ~topology.on_boundary)[0])
         if options.boundary == "free"
         else InscribedDisk(np.nonzero(topology.used)[0], triangulation, n)
     )
-    state = _evaluate(surface, triangulation, np.zeros(n), target, may_flip=may_flip)
+    state = _evaluate(surface, triangulation, np.zeros(n), target, options)
     history = [_row(0, state, 0.0, LinearSolve(0, refactored=False), flips + state.flips)]
     pattern: Pattern | None = None
     outcome = Outcome.MAX_STEPS
@@ -223,7 +225,7 @@ def _newton(
         if pattern is None or state.flips:
             pattern = Pattern.of(state.triangulation, target.free, n)
         du, cost = target.step(pattern, state.triangulation, state.corners, state.u, state.residual)
-        accepted, length = _line_search(surface, state, du, target, options, may_flip=may_flip)
+        accepted, length = _line_search(surface, state, du, target, options)
         if accepted is None:
             outcome = Outcome.STALLED
             break

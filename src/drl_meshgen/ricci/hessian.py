@@ -77,15 +77,16 @@ class StaleFactor:
         `tolerance` is relative to the right-hand side's norm.
         """
         iterations = 0
-        if self._factor is not None:
+        factor = self._factor
+        if factor is not None:
 
             def count(_: np.ndarray) -> None:
                 nonlocal iterations
                 iterations += 1
 
-            preconditioner = LinearOperator(matrix.shape, self._factor.solve, dtype=float)
+            preconditioner = LinearOperator(matrix.shape, factor.solve)
             x, failed = cg(matrix, rhs, rtol=tolerance, maxiter=MAX_CG, M=preconditioner, callback=count)
             if not failed:
                 return x, iterations, False
-        self._factor = factorise(matrix)
-        return self._factor.solve(rhs), iterations, True
+        factor = self._factor = factorise(matrix)
+        return factor.solve(rhs), iterations, True

@@ -33,8 +33,14 @@ class Triangulation:
 
     @classmethod
     def of(cls, surface: TriMesh) -> "Triangulation":
-        """Return the triangulation of an oriented manifold surface with its own edge lengths."""
+        """Return the triangulation of an oriented manifold surface with its own edge lengths.
+
+        Raises `ValueError` where an edge has no length.
+        """
         topology = surface.topology
+        short = np.nonzero(~(surface.edge_lengths > 0))[0]
+        if len(short):
+            raise ValueError(f"edges without length between vertices {topology.edges[short[:10]].tolist()}")
         edge_of_slot = topology.face_edges[:, NEXT].ravel()
         order = np.argsort(edge_of_slot, kind="stable")
         glue = np.full(len(order), -1)
