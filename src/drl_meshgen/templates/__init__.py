@@ -1,7 +1,8 @@
 """Plane templates: O-type and C-type block structures of a polygon with given boundary nodes."""
 
+from drl_meshgen.templates.c_type import CCounts, CParameters, instantiate_c
 from drl_meshgen.templates.domain import Domain
-from drl_meshgen.templates.fill import FilledCap, fill_cap
+from drl_meshgen.templates.fill import FilledCap, FilledPatch, fill_cap, fill_transition
 from drl_meshgen.templates.mesh import TemplateMesh
 from drl_meshgen.templates.o_type import OParameters, instantiate
 from drl_meshgen.templates.placement import PlacementOptions
@@ -9,8 +10,11 @@ from drl_meshgen.templates.policy import Policy, RulePolicy
 from drl_meshgen.templates.untangle import Outcome
 
 __all__ = [
+    "CCounts",
+    "CParameters",
     "Domain",
     "FilledCap",
+    "FilledPatch",
     "OParameters",
     "Outcome",
     "PlacementOptions",
@@ -18,5 +22,7 @@ __all__ = [
     "RulePolicy",
     "TemplateMesh",
     "fill_cap",
+    "fill_transition",
     "instantiate",
+    "instantiate_c",
 ]

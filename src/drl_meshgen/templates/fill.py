@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from drl_meshgen.templates.c_type import CCounts, CParameters, instantiate_c, rule_c
 from drl_meshgen.templates.domain import Domain
 from drl_meshgen.templates.mesh import TemplateMesh
 from drl_meshgen.templates.o_type import OParameters, instantiate
@@ -18,6 +19,14 @@ class FilledCap(TemplateMesh):
     """An O-type mesh with the parameters it was made from and the verdict on its cells."""
 
     parameters: OParameters
+    outcome: Outcome
+
+
+@dataclass(frozen=True, eq=False)
+class FilledPatch(TemplateMesh):
+    """A C-type mesh with the parameters it was made from and the verdict on its cells."""
+
+    parameters: CParameters
     outcome: Outcome
 
 
@@ -37,3 +46,18 @@ def fill_cap(
     mesh = instantiate(domain, parameters)
     mesh, outcome = untangle(mesh, len(domain), (size or boundary_size(domain))(mesh.points))
     return FilledCap(mesh.points, mesh.grids, parameters, outcome)
+
+
+def fill_transition(
+    boundary: Float[np.ndarray, "l 2"], start: int, counts: CCounts, size: Size | None = None
+) -> FilledPatch:
+    """Return a C-type mesh of the polygon `boundary` whose node `start` is the bottom left corner.
+
+    Bottom, right, top and left side follow anti-clockwise with `counts.bottom`, `.side`, `.top`, `.side` cells. See
+    `fill_cap` for the rest.
+    """
+    domain = Domain(boundary)
+    parameters = rule_c(domain, start, counts)
+    mesh = instantiate_c(domain, parameters)
+    mesh, outcome = untangle(mesh, len(domain), (size or boundary_size(domain))(mesh.points))
+    return FilledPatch(mesh.points, mesh.grids, parameters, outcome)

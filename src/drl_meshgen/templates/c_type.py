@@ -1,0 +1,218 @@
+r"""C-type transition (paper Fig. 7b): nine blocks that take a four-sided patch from a long side to a short one.
+
+::
+
+    TL - q0 - t0 ----- n ----- t1 - q1 - TR    above
+    |         |                |         |
+    W ------- F0 ------------- F1 ------ E     F0, F1 five-valent
+    |        /  \     core    /  \       |
+    |       /    B0 -------- B1   \      |     B0, B1 trivalent
+    |      /     |           |     \     |     below
+    BL q0 f0  p  f1    n    f2  p  f3 q1 BR
+
+The bottom has q0 + p + n + p + q1 cells, the top q0 + n + q1, left and right `below + above`. The columns that enter
+between f0 and f1 turn through the core, whose sides F-B have p cells, and leave between f2 and f3: an even difference
+2p of counts is absorbed.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from drl_meshgen.errors import InputError
+from drl_meshgen.mesh.topology import Topology
+from drl_meshgen.mesh.trimesh import frozen
+from drl_meshgen.templates.curves import offsets, sample
+from drl_meshgen.templates.domain import Domain
+from drl_meshgen.templates.mesh import TemplateMesh, grid_quads
+from drl_meshgen.templates.tfi import arc_fractions, transfinite
+from drl_meshgen.templates.tutte import tutte
+
+NAME = "C-type template"
+
+#: Vertices on the boundary in its order, from the bottom left corner anti-clockwise.
+RIM: Final = ("BL", "f0", "f1", "f2", "f3", "BR", "E", "TR", "t1", "t0", "TL", "W")
+SINGULAR: Final = ("F0", "F1", "B0", "B1")
+#: Internal edges 0-11 with the parameter that counts their cells.
+EDGES: Final = (
+    ("F0", "F1", "n"),
+    ("B0", "B1", "n"),
+    ("B0", "F0", "p"),
+    ("B1", "F1", "p"),
+    ("f0", "F0", "below"),
+    ("f1", "B0", "below"),
+    ("f2", "B1", "below"),
+    ("f3", "F1", "below"),
+    ("F0", "t0", "above"),
+    ("F1", "t1", "above"),
+    ("W", "F0", "q0"),
+    ("F1", "E", "q1"),
+)
+#: Blocks 0-8 by their corners: `i` runs from the first to the second, `j` from the first to the last.
+BLOCKS: Final = (
+    ("B0", "B1", "F1", "F0"),
+    ("BL", "f0", "F0", "W"),
+    ("f0", "f1", "B0", "F0"),
+    ("f1", "f2", "B1", "B0"),
+    ("f2", "f3", "F1", "B1"),
+    ("f3", "BR", "E", "F1"),
+    ("W", "F0", "t0", "TL"),
+    ("F0", "F1", "t1", "t0"),
+    ("F1", "E", "TR", "t1"),
+)
+
+
+@dataclass(frozen=True)
+class CCounts:
+    """Numbers of cells of a C-type transition, each at least 1."""
+
+    q0: int
+    """Columns left of the transition."""
+    p: int
+    """Columns absorbed on each side of the middle."""
+    n: int
+    """Columns through the middle."""
+    q1: int
+    """Columns right of the transition."""
+    below: int
+    """Rows between the bottom and the singular points."""
+    above: int
+    """Rows between the five-valent points and the top."""
+
+    def __post_init__(self) -> None:
+        if min(self.q0, self.p, self.n, self.q1, self.below, self.above) < 1:
+            raise InputError(NAME, f"{self}", "every count must be positive")
+
+    @classmethod
+    def between(cls, bottom: int, top: int, side: int) -> "CCounts":
+        """Return balanced counts for sides of these numbers of cells; `bottom - top` must be even and positive.
+
+        The middle takes about a third of the top, the singular points lie half-way up.
+        """
+        if bottom <= top or (bottom - top) % 2:
+            raise InputError(NAME, f"bottom and top have {bottom} and {top} cells", "need an even, positive difference")
+        if top < 3 or side < 2:
+            raise InputError(NAME, f"top and side have {top} and {side} cells", "at least 3 and 2 are needed")
+        n = max(1, round(top / 3))
+        q0 = (top - n) // 2
+        return cls(q0, (bottom - top) // 2, n, top - n - q0, side // 2, side - side // 2)
+
+    @property
+    def bottom(self) -> int:
+        """Cells of the bottom side."""
+        return self.q0 + 2 * self.p + self.n + self.q1
+
+    @property
+    def top(self) -> int:
+        """Cells of the top side."""
+        return self.q0 + self.n + self.q1
+
+    @property
+    def side(self) -> int:
+        """Cells of the left and of the right side."""
+        return self.below + self.above
+
+    @property
+    def boundary(self) -> int:
+        """Boundary nodes."""
+        return self.bottom + self.top + 2 * self.side
+
+    @property
+    def rim(self) -> Int[np.ndarray, "12"]:
+        """Boundary node of each vertex of `RIM`, counted from the bottom left corner."""
+        q0, p, n, q1, low, up = self.q0, self.p, self.n, self.q1, self.below, self.above
+        return np.concatenate([[0], np.cumsum([q0, p, n, p, q1, low, up, q1, n, q0, up])])
+
+
+@dataclass(frozen=True, eq=False)
+class CParameters:
+    """Everything that fixes a C-type mesh of a domain."""
+
+    start: int
+    """Boundary node of the bottom left corner."""
+    counts: CCounts
+    """Cells of each part; `counts.boundary = L`."""
+    singular: Float[np.ndarray, "4 2"]
+    """Positions of F0, F1 (five-valent), B0, B1 (trivalent)."""
+    bulges: Float[np.ndarray, "12 2"]
+    """Quadratic and cubic amplitude of each internal edge as fractions of its chord; see `curves.LINE_TYPES`."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "singular", frozen(self.singular, np.float64))
+        object.__setattr__(self, "bulges", frozen(self.bulges, np.float64))
+
+
+@dataclass(frozen=True, eq=False)
+class _Layout:
+    """Node ids along every side of every block, in both directions, and the grids."""
+
+    path: dict[tuple[str, str], np.ndarray]
+    grids: tuple[Int[np.ndarray, "ni1 nj1"], ...]
+    size: int
+
+
+def layout(start: int, counts: CCounts) -> _Layout:
+    """Return node ids: boundary, singular points, interiors of internal edges 0-11, interiors of blocks 0-8."""
+    boundary = counts.boundary
+    rim = np.append(counts.rim, boundary)
+    node = dict(zip(RIM, (start + rim[:-1]) % boundary, strict=True))
+    node |= {name: boundary + i for i, name in enumerate(SINGULAR)}
+    path = {}
+    for i, name in enumerate(RIM):
+        path[name, RIM[(i + 1) % len(RIM)]] = (start + np.arange(rim[i], rim[i + 1] + 1)) % boundary
+    size = boundary + len(SINGULAR)
+    for a, b, kind in EDGES:
+        inner = getattr(counts, kind) - 1
+        path[a, b] = np.concatenate([[node[a]], size + np.arange(inner), [node[b]]])
+        size += inner
+    path |= {(b, a): ids[::-1] for (a, b), ids in path.items()}
+    grids = []
+    for a, b, c, d in BLOCKS:
+        bottom, top, left, right = path[a, b], path[d, c], path[a, d], path[b, c]
+        grid = np.empty((len(bottom), len(left)), np.int64)
+        grid[:, 0], grid[:, -1], grid[0], grid[-1] = bottom, top, left, right
+        inner = np.array(grid.shape) - 2
+        grid[1:-1, 1:-1] = size + np.arange(inner.prod()).reshape(inner)
+        size += int(inner.prod())
+        grids.append(grid)
+    return _Layout(path, tuple(grids), size)
+
+
+def instantiate_c(domain: Domain, parameters: CParameters) -> TemplateMesh:
+    """Return the C-type mesh: 9 blocks, 12 internal edges, two trivalent and two five-valent interior nodes.
+
+    Raises `InputError` if the counts do not add up to the domain's boundary nodes.
+    """
+    c = parameters.counts
+    if c.boundary != len(domain):
+        raise InputError(NAME, f"the counts need {c.boundary} boundary nodes but the domain has {len(domain)}")
+    plan = layout(parameters.start, c)
+    points = np.empty((plan.size, 2))
+    points[: len(domain)] = domain.nodes
+    points[len(domain) : len(domain) + 4] = parameters.singular
+    share = {}
+    for i, name in enumerate(RIM):
+        ends = name, RIM[(i + 1) % len(RIM)]
+        share[ends] = arc_fractions(domain.nodes[plan.path[ends]])
+    for (a, b, _), bulge in zip(EDGES, parameters.bulges, strict=True):
+        ids = plan.path[a, b]
+        t = np.linspace(0, 1, len(ids))
+        tail, head = points[ids[0]], points[ids[-1]]
+        points[ids] = sample(tail, head, offsets(tail, head, bulge), t)
+        share[a, b] = t
+    share |= {(b, a): 1 - t[::-1] for (a, b), t in share.items()}
+    for (a, b, c_, d), grid in zip(BLOCKS, plan.grids, strict=True):
+        sides = (a, b), (d, c_), (a, d), (b, c_)
+        curves = (points[plan.path[s]] for s in sides)
+        points[grid] = transfinite(*curves, fractions=tuple(share[s] for s in sides))
+    return TemplateMesh(points, plan.grids)
+
+
+def rule_c(domain: Domain, start: int, counts: CCounts) -> CParameters:
+    """Return straight internal edges with the singular points where Tutte's embedding of the mesh puts them."""
+    plan = layout(start, counts)
+    quads = grid_quads(plan.grids)
+    placed = tutte(domain.nodes, Topology(plan.size, quads).edges, plan.size)
+    return CParameters(start, counts, placed[len(domain) : len(domain) + 4], np.zeros((len(EDGES), 2)))
