@@ -5,9 +5,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from prefect import Task, get_run_logger
+
 from drl_meshgen.errors import MeshgenError
 from drl_meshgen.store import ArtifactRef
-from prefect import Task, get_run_logger
 
 SOME_FAILED = 5
 """Exit code where some of several surfaces failed."""

@@ -1,5 +1,6 @@
 """A Prefect server for interactive runs: the one that is there, or a persistent local one that is started."""
 
+import os
 import subprocess
 import sys
 import time
@@ -21,8 +22,8 @@ from drl_meshgen.errors import MeshgenError
 from drl_meshgen.store.store import exclusive
 
 LOCAL = "http://127.0.0.1:4200/api"
-PATIENCE = 120.0
-"""Seconds a server may take to start; 16 were measured on two cores."""
+PATIENCE = 180.0
+"""Seconds a server may take to start; 14 on two idle cores, 60 on busy ones."""
 
 
 class ServerError(MeshgenError):
@@ -38,23 +39,28 @@ def answers(api: str) -> bool:
         return False
 
 
-def start(api: str) -> None:
+def start(api: str) -> subprocess.Popen[bytes] | None:
     """Start a server in the background at a local address and wait until it answers.
 
     It outlives this process, keeps its SQLite database and log in PREFECT_HOME, and ends with `prefect server stop`.
-    Raises `ServerError` where it does not come up.
+    Returns its process, None where one answers already. Raises `ServerError` where it does not come up.
     """
     home = Path(PREFECT_HOME.value())
     address = urlsplit(api)
     with exclusive(home / "server.lock"):
         if answers(api):
-            return
+            return None
         log = home / "server.log"
         command = [sys.executable, "-m", "prefect", "server", "start"]
         command += ["--host", str(address.hostname), "--port", str(address.port or 4200)]
         with log.open("ab") as out:
             server = subprocess.Popen(  # noqa: S603 - a fixed command
-                command, stdin=subprocess.DEVNULL, stdout=out, stderr=out, start_new_session=True
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=out,
+                start_new_session=True,
+                env={**os.environ, "PREFECT_HOME": str(home)},
             )
         (home / "server.pid").write_text(str(server.pid))
         deadline = time.monotonic() + PATIENCE
@@ -62,6 +68,7 @@ def start(api: str) -> None:
             if server.poll() is not None or time.monotonic() > deadline:
                 raise ServerError(f"no Prefect server came up at {api}; see {log}")
             time.sleep(0.25)
+    return server
 
 
 @contextmanager

@@ -1,0 +1,101 @@
+"""Chains of stage tasks under a real server: what is cached, what is computed, what a failure looks like."""
+
+import pytest
+from prefect import flow
+from prefect.client.orchestration import get_client
+from prefect.settings import PREFECT_API_URL, temporary_settings
+
+from drl_meshgen.store import Store
+from flows.chain import Outcome, exit_code, run_chain
+from flows.server import ServerError, answers, connected
+from tasks.stage import stage_task
+from tests.flow.toys import STAGES, DoubleOptions, NoOptions, NumberOptions, calls
+
+TASKS = {stage.name: stage_task(stage.name, STAGES) for stage in STAGES}
+
+
+@flow(name="toys")
+def toys(names, store, times=1):
+    outcomes = []
+    for name in names:
+        options = {"number": NumberOptions(name), "double": DoubleOptions(times), "total": NoOptions()}
+        outcomes.append(run_chain(TASKS, name, options, str(store)))
+    return outcomes
+
+
+def states(api):
+    """Names of the states of the tasks of the latest flow run, by task run."""
+    with temporary_settings({PREFECT_API_URL: api}), get_client(sync_client=True) as client:
+        newest = max(client.read_flow_runs(), key=lambda run: run.created)
+        return {run.name: run.state_name for run in client.read_task_runs() if run.flow_run_id == newest.id}
+
+
+@pytest.fixture
+def log(tmp_path, monkeypatch):
+    monkeypatch.setenv("TOY_LOG", str(tmp_path / "log"))
+    return tmp_path / "log"
+
+
+@pytest.mark.usefixtures("server")
+def test_a_warm_run_executes_nothing_and_a_flipped_bit_one_stage(log, tmp_path):
+    store = Store(tmp_path / "store")
+    (cold,) = toys(["three"], store.root)
+    assert calls(log) == ["number", "double", "total"]
+    assert cold.failure == ""
+    (warm,) = toys(["three"], store.root)
+    assert calls(log) == ["number", "double", "total"]
+    assert warm == cold
+    path = store.objects.path(cold.refs["double"].outputs["value.json"])
+    path.chmod(0o644)
+    path.write_bytes(b"7" + path.read_bytes()[1:])
+    (healed,) = toys(["three"], store.root)
+    assert calls(log) == ["number", "double", "total", "double"]
+    assert healed == cold
+
+
+def test_the_dashboard_tells_cached_from_computed(server, tmp_path, wait_for):
+    toys(["three"], tmp_path)
+    wait_for(lambda: states(server), dict.fromkeys(["number three", "double three", "total three"], "Completed"))
+    toys(["three"], tmp_path, times=2)
+    expected = {"number three": "Cached", "double three": "Completed", "total three": "Completed"}
+    wait_for(lambda: states(server), expected)
+
+
+@pytest.mark.usefixtures("server")
+def test_a_failed_surface_gives_a_sentence_and_the_others_go_on(log, tmp_path, caplog):
+    nine, huge, three = toys(["nine", "huge", "three"], tmp_path / "store")
+    assert (nine.failure, nine.exit_code) == ("nine: no such number; take three or four", 3)
+    assert huge.failure == "huge: double: the number is too big to double (1e+07)"
+    assert list(huge.refs) == ["number"]
+    assert three.failure == ""
+    assert calls(log) == ["number", "number", "double", "number", "double", "total"]
+    assert "Traceback" not in caplog.text
+
+
+@pytest.mark.usefixtures("server")
+def test_a_bug_leaves_its_traceback_in_the_log(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr("tests.flow.toys.log", lambda _line: 1 / 0)
+    (outcome,) = toys(["three"], tmp_path)
+    assert outcome.exit_code == 1
+    assert outcome.failure == "three: internal error in stage number: ZeroDivisionError: division by zero"
+    assert "Traceback" in caplog.text
+
+
+def test_a_task_needs_no_server(tmp_path):
+    ref = TASKS["number"].fn("three", {}, NumberOptions(), str(tmp_path))
+    assert Store(tmp_path).find("number", ref["key"]).to_json() == ref
+
+
+def test_exit_codes_are_those_of_the_command_line():
+    good, bad = Outcome("a"), Outcome("b", failure="b: no", exit_code=3)
+    assert [exit_code(o) for o in ([good], [bad], [good, good], [good, bad], [bad, bad])] == [0, 3, 0, 5, 5]
+
+
+def test_a_missing_server_elsewhere_is_an_error_not_a_reason_to_start_one():
+    assert not answers("http://127.0.0.1:9/api")
+    with (
+        temporary_settings({PREFECT_API_URL: "http://server.invalid/api"}),
+        pytest.raises(ServerError, match=r"http://server\.invalid/api does not answer"),
+        connected(),
+    ):
+        pass
