@@ -207,15 +207,18 @@ class QuadEnergy:
         angle = np.minimum(r.shape.angle - low, 0) + np.maximum(r.shape.angle - high, 0)
         return angle, beyond(r.rows[5:7], np.radians(o.wanted_warp)), beyond(r.jump, np.log(o.wanted_area_ratio))
 
-    def cost(self, r: Residuals) -> float:
-        """Weighted sum of squares, hinge penalties included."""
+    def quad_costs(self, r: Residuals) -> Float[np.ndarray, " m"]:
+        """Weighted sum of squares of each quad, hinge penalties included; edges count half for each side."""
         o = self.options
         rows = r.rows
-        total = (rows[:4] ** 2).sum() + o.aspect_weight**2 * (rows[4] ** 2).sum()
-        total += o.warp_weight**2 * (rows[5:7] ** 2).sum() + o.area_weight**2 * (r.jump**2).sum()
+        total = (rows[:4] ** 2).sum(axis=0) + o.aspect_weight**2 * rows[4] ** 2
+        total += o.warp_weight**2 * (rows[5:7] ** 2).sum(axis=0)
+        jumps = o.area_weight**2 * r.jump**2
         if self.hinge:
-            total += self.hinge**2 * sum((v**2).sum() for v in self._violations(r))
-        return float(total)
+            angle, warp, jump = self._violations(r)
+            total += self.hinge**2 * ((angle**2).sum(axis=0) + (warp**2).sum(axis=0))
+            jumps += self.hinge**2 * jump**2
+        return total + np.bincount(self.pairs.ravel(), np.tile(0.5 * jumps, 2), minlength=len(total))
 
     # -- derivatives -------------------------------------------------------------------------------------------
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from drl_meshgen.smoothing.energy import QuadEnergy, Residuals, System
 from drl_meshgen.smoothing.nodes import NodeSpace, NodeState
@@ -11,8 +11,13 @@ from drl_meshgen.smoothing.nodes import NodeSpace, NodeState
 FIRST_DAMPING = 0.01
 EASE, HARDEN = 1 / 3, 4.0
 """Factors of the damping after a step that lowered the cost and after one that did not."""
-LEAST_DAMPING, MOST_DAMPING = 1e-5, 1e4
-ENOUGH = 1e-3
+LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e3
+LOCAL_TRIES = 5
+"""Trials of one step, each shortened where the one before made things worse."""
+LOCAL_SHORTENING = 0.25
+SPOT = 0.01
+"""A quad that accounts for more than this share of the increase of the cost is a spot."""
+ENOUGH = 3e-3
 """A stage ends when a step lowers the cost by less than this share."""
 
 Observer = Callable[[NodeState, Residuals, float, float], None]
@@ -22,28 +27,53 @@ Observer = Callable[[NodeState, Residuals, float, float], None]
 def minimise(
     space: NodeSpace, energy: QuadEnergy, state: NodeState, reach: Float[np.ndarray, " n"], steps: int, observe: Observer
 ) -> NodeState:
-    """Levenberg-Marquardt with at most `steps` linearisations; no node moves further than `reach` in one step."""
+    """Levenberg-Marquardt with at most `steps` linearisations; no node moves further than `reach` in one step.
+
+    Where a step makes things worse in a few spots only, it is shortened there, not everywhere.
+    """
     residuals = energy.residuals(state)
-    cost, damping = energy.cost(residuals), FIRST_DAMPING
+    costs, damping = energy.quad_costs(residuals), FIRST_DAMPING
     for _ in range(steps):
         system = energy.system(state, residuals)
-        before = cost
-        while damping <= MOST_DAMPING:
-            step = np.zeros((len(reach), 2))
-            step[energy.ids] = solve(system, damping, energy.options.cg_iterations)
-            step *= np.minimum(1, reach / np.maximum(np.linalg.norm(step, axis=1), np.finfo(float).tiny))[:, None]
-            trial = space.moved(state, step)
-            trial_residuals = energy.residuals(trial)
-            trial_cost = energy.cost(trial_residuals)
-            if trial_cost < cost:
-                state, residuals, cost = trial, trial_residuals, trial_cost
-                damping = max(damping * EASE, LEAST_DAMPING)
-                break
-            damping *= HARDEN
+        before = costs.sum()
+        accepted = False
+        while damping <= MOST_DAMPING and not accepted:
+            step = solve(system, damping, energy.options.cg_iterations)
+            length = np.linalg.norm(step, axis=1)
+            step *= np.minimum(1, reach[energy.ids] / np.maximum(length, np.finfo(float).tiny))[:, None]
+            for _ in range(LOCAL_TRIES):
+                full = np.zeros((len(reach), 2))
+                full[energy.ids] = step
+                trial = space.moved(state, full)
+                trial_residuals = energy.residuals(trial)
+                trial_costs = energy.quad_costs(trial_residuals)
+                accepted = trial_costs.sum() < before
+                if accepted:
+                    state, residuals, costs = trial, trial_residuals, trial_costs
+                    break
+                spots = local_trouble(energy, trial_costs - costs)
+                if spots is None:
+                    break
+                step = np.where(spots[:, None], LOCAL_SHORTENING * step, step)
+            damping = max(damping * EASE, LEAST_DAMPING) if accepted else damping * HARDEN
+        cost = costs.sum()
         observe(state, residuals, cost, damping)
         if cost > (1 - ENOUGH) * before:
             break
     return state
+
+
+def local_trouble(energy: QuadEnergy, increase: Float[np.ndarray, " m"]) -> Bool[np.ndarray, " n"] | None:
+    """Nodes within two quads of the few that account for most of the increase; None if it has no such centre."""
+    worse = np.maximum(increase, 0)
+    culprits = worse > SPOT * worse.sum()
+    if worse[culprits].sum() < 0.5 * worse.sum():
+        return None
+    nodes = np.zeros(energy.n_nodes, bool)
+    for _ in range(2):
+        nodes[energy.quads[:, culprits].ravel()] = True
+        culprits = nodes[energy.quads].any(axis=0)
+    return nodes
 
 
 def solve(system: System, damping: float, iterations: int, tolerance: float = 0.05) -> Float[np.ndarray, "n 2"]:

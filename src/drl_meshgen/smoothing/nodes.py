@@ -1,6 +1,6 @@
 """Nodes of a quad mesh that live on a surface: where they are, which ways they may go, and how they get there."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -52,6 +52,8 @@ class NodeSpace:
         self._previous = np.empty_like(self._next)
         self._previous[self._next] = np.arange(len(self._next))
         self._loop = np.zeros(len(self.sliding), np.int64)
+        self._slot = np.full(len(mesh.points), -1)
+        self._slot[self.sliding] = np.arange(len(self.sliding))
 
     def start(self, triangle: Int[np.ndarray, " n"]) -> NodeState:
         """State at the mesh's points, each put into its triangle, boundary nodes onto the nearest boundary loop."""
@@ -85,6 +87,16 @@ class NodeSpace:
         fixed_first = self.track.wrap(np.full(count, loop), s[first] + turned)
         return np.roll(fixed_first, first)
 
+    def _tangents(
+        self, normals: Float[np.ndarray, "k 3"], nodes: Int[np.ndarray, " k"], direction: Float[np.ndarray, "b 3"]
+    ) -> Float[np.ndarray, "2 k 3"]:
+        tangents = tangent_frame(normals)
+        slot = self._slot[nodes]
+        sliding = slot >= 0
+        tangents[0, sliding], tangents[1, sliding] = direction[slot[sliding]], 0.0
+        tangents[:, self.fixed[nodes]] = 0.0
+        return tangents
+
     def _state(
         self, triangle: Int[np.ndarray, " n"], weights: Float[np.ndarray, "n 3"], s: Float[np.ndarray, " b"]
     ) -> NodeState:
@@ -94,24 +106,38 @@ class NodeSpace:
         points = self.walker.positions(triangle, weights)
         points[self.fixed] = self.mesh.points[self.fixed]
         normals = self.walker.normals(triangle, weights)
-        tangents = tangent_frame(normals)
-        tangents[0, self.sliding], tangents[1, self.sliding] = direction, 0.0
-        tangents[:, self.fixed] = 0.0
-        return NodeState(triangle, weights, s, points, normals, tangents)
+        return NodeState(triangle, weights, s, points, normals, self._tangents(normals, np.arange(len(points)), direction))
+
+    def freeze(self, state: NodeState, moving: Bool[np.ndarray, " n"]) -> NodeState:
+        """Return the state with the tangents of all nodes but the moving ones set to zero: they stay for good."""
+        return replace(state, tangents=state.tangents * moving[:, None])
+
+    def thaw(self, state: NodeState) -> NodeState:
+        """Undo `freeze`."""
+        return self._state(state.triangle.copy(), state.weights.copy(), state.s)
 
     def moved(self, state: NodeState, step: Float[np.ndarray, "n 2"]) -> NodeState:
         """Return the state after moving each node by `step` in units of its tangents."""
-        displacement = state.tangents[0] * step[:, :1] + state.tangents[1] * step[:, 1:]
-        displacement[self.sliding] = 0.0
-        going = np.nonzero(displacement.any(axis=1))[0]
+        step = np.where(state.tangents.any(axis=2).T, step, 0.0)
+        going = np.nonzero(step.any(axis=1))[0]
+        displacement = np.einsum("kni,nk->ni", state.tangents[:, going], step[going])
         triangle, weights, s = state.triangle.copy(), state.weights.copy(), state.s
-        triangle[going], weights[going] = self.walker.walk(triangle[going], weights[going], displacement[going])
-        if self.sliding.size:
-            slide = np.where(self.fixed[self.sliding], 0.0, step[self.sliding, 0])
+        inner = self._slot[going] < 0
+        walking = going[inner]
+        triangle[walking], weights[walking] = self.walker.walk(triangle[walking], weights[walking], displacement[inner])
+        direction = np.empty((0, 3))
+        if not inner.all():
             gap = np.mod(s[self._next] - s, self.track.length[self._loop])
-            slide = np.clip(slide, -MAX_APPROACH * gap[self._previous], MAX_APPROACH * gap)
+            slide = np.clip(step[self.sliding, 0], -MAX_APPROACH * gap[self._previous], MAX_APPROACH * gap)
             s = self.track.wrap(self._loop, s + slide)
-        return self._state(triangle, weights, s)
+            on_track, at, direction = self.track.locate(self._loop, s)
+            slots = self._slot[going[~inner]]
+            triangle[going[~inner]], weights[going[~inner]] = on_track[slots], at[slots]
+        points, normals, tangents = state.points.copy(), state.normals.copy(), state.tangents.copy()
+        points[going] = self.walker.positions(triangle[going], weights[going])
+        normals[going] = self.walker.normals(triangle[going], weights[going])
+        tangents[:, going] = self._tangents(normals[going], going, direction)
+        return NodeState(triangle, weights, s, points, normals, tangents)
 
 
 def tangent_frame(normals: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "2 n 3"]:

@@ -1,5 +1,7 @@
 """The node optimiser: relax, minimise, sharpen, repair; keep the best mesh seen."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float, Int
@@ -10,6 +12,7 @@ from drl_meshgen.smoothing.newton import minimise
 from drl_meshgen.smoothing.nodes import NodeSpace, NodeState
 from drl_meshgen.smoothing.options import SmoothingOptions, SmoothingOutcome, SmoothingResult
 from drl_meshgen.smoothing.relax import sweep
+from drl_meshgen.smoothing.untangle import untangle
 from drl_meshgen.smoothing.verdict import Figures, figures, shape_on_surface
 
 
@@ -41,6 +44,37 @@ def reach_of(mesh: QuadMesh, points: Float[np.ndarray, "n 3"], share: float) -> 
     return 0.5 * share * (local + length.mean())
 
 
+class Patch(NamedTuple):
+    """Quads around bad ones and the nodes that move to mend them."""
+
+    energy: QuadEnergy
+    moving: Bool[np.ndarray, " n"]
+
+
+def patch_around(mesh: QuadMesh, bad: Bool[np.ndarray, " m"], rings: int, whole: QuadEnergy) -> Patch:
+    """Nodes within `rings` quads of the bad ones, and all quads at those nodes."""
+    quads = mesh.quads
+    chosen = bad
+    moving = np.zeros(len(mesh.points), bool)
+    for _ in range(rings):
+        moving[quads[chosen].ravel()] = True
+        chosen = moving[quads].any(axis=1)
+    return Patch(QuadEnergy(mesh, whole.options, np.nonzero(chosen)[0], whole.ideal), moving)
+
+
+def unfold(space: NodeSpace, whole: QuadEnergy, state: NodeState, options: SmoothingOptions) -> NodeState:
+    """Untangle around folded quads, in patches that grow from round to round."""
+    mesh = space.mesh
+    for round_ in range(options.unfold_rounds):
+        folded = ~whole.shape(state).valid
+        if not folded.any():
+            break
+        patch = patch_around(mesh, folded, options.repair_rings + 2 * round_, whole)
+        reach = reach_of(mesh, state.points, 2 * options.step_limit)
+        state = space.thaw(untangle(space, patch.energy, space.freeze(state, patch.moving), reach))
+    return state
+
+
 def optimise(
     surface: TriMesh,
     mesh: QuadMesh,
@@ -64,12 +98,32 @@ def optimise(
     for _ in range(options.relax_sweeps):
         state = sweep(space, energy, state, reach_of(mesh, state.points, options.step_limit))
     best.judge("relax", state)
+    state = unfold(space, energy, state, options)
+    best.judge("unfold", state)
     for k, (hinge, steps) in enumerate(zip(options.hinge_weights, options.newton_steps, strict=True)):
         def observe(s: NodeState, _r: Residuals, cost: float, damping: float, stage: str = f"newton {k + 1}") -> None:
             best.judge(stage, s, cost, damping)
 
         reach = reach_of(mesh, state.points, options.step_limit)
         state = minimise(space, energy.with_hinge(hinge), state, reach, steps, observe)
+        state = unfold(space, energy, state, options)
+        best.judge(f"unfold {k + 1}", state)
+    for round_ in range(options.repair_rounds):
+        state = unfold(space, energy, best.state, options)
+        best.judge("unfold", state)
+        angle = np.degrees(energy.shape(state).angle)
+        low, high = options.repair_angles
+        bad = ((angle < low) | (angle > high)).any(axis=0)
+        if not bad.any():
+            break
+        patch = patch_around(mesh, bad, options.repair_rings + round_, energy)
+
+        def keep(s: NodeState, _r: Residuals, cost: float, damping: float, stage: str = f"repair {round_ + 1}") -> None:
+            best.judge(stage, s, cost, damping)
+
+        reach = reach_of(mesh, state.points, options.step_limit)
+        local = patch.energy.with_hinge(options.repair_hinge)
+        minimise(space, local, space.freeze(state, patch.moving), reach, options.repair_steps, keep)
     state = best.state
     final = figures(shape_on_surface(surface, mesh, state.points), energy.pairs)
     low, high = options.wanted_angles

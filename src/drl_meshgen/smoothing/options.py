@@ -40,6 +40,8 @@ class SmoothingOptions:
     """Most Gauss-Newton steps of each stage."""
     repair_angles: tuple[float, float] = (35.0, 145.0)
     """Quads with a corner angle outside these limits (degrees) are repaired together with their surroundings."""
+    unfold_rounds: int = 3
+    """Most rounds of untangling, in growing patches, each time folded quads are looked for."""
     repair_rings: int = 3
     """Rings of quads around a bad one that move in its repair."""
     repair_rounds: int = 3
