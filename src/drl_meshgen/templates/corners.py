@@ -68,7 +68,7 @@ def rank_corners(
     spoke = np.linalg.norm(ring - rim, axis=-1).mean(axis=1)
     girth = sum(np.linalg.norm(np.roll(r, -1, axis=1) - r, axis=-1).sum(axis=1) for r in (rim, ring)) / 2
     k = spoke * size / girth
-    along, total, weight = np.stack([m, n, m, n], axis=1) / divisions, 0.0, 0.0
+    along, total, weight = np.stack([m, n, m, n], axis=1) / divisions, np.zeros(len(m)), np.zeros(len(m))
     area = (girth / size) ** 2
     steps = [(along[:, 0], along[:, 1]), *((along[:, s], k / layers) for s in range(4))]
     for g, (first, second) in zip(blocks, steps, strict=True):

@@ -7,15 +7,19 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import minimize
+from scipy.sparse import csr_matrix
 
 from drl_meshgen.templates.corners import reference
+from drl_meshgen.templates.domain import cross
 from drl_meshgen.templates.energy import Corners, corner_energy, corner_operator, total_energy
 from drl_meshgen.templates.sketch import Sketch
 
 Size = Callable[[Float[np.ndarray, "p 2"]], Float[np.ndarray, " p"]]
 """Wanted edge length at points of the domain, in its units."""
 
-MAX_LAYERS = 60
+MAX_LAYERS = 200
+#: Sizes of the core tried at the start, relative to Tutte's.
+SCALES = (1.25, 1.0, 0.8, 0.64, 0.5, 0.35, 0.22, 0.12)
 
 #: Chords of internal edges 0-7 from the singular points (less the corners for 0-3); a row vector's +90 degree turn.
 CHORD: Final[np.ndarray] = np.concatenate([np.eye(4), np.roll(np.eye(4), 1, axis=1) - np.eye(4)])
@@ -90,22 +94,21 @@ def thickness_ratio(sketch: Sketch, singular: Float[np.ndarray, "4 2"]) -> float
 
 
 def place(sketch: Sketch, size: Size, layers: int | None, options: PlacementOptions) -> Placement:
-    """Return the parameters of least energy found by L-BFGS from Tutte's singular points and straight edges.
+    """Return the parameters of least energy found by L-BFGS from the best of a family of scaled Tutte embeddings.
 
     `size` is in the units of the sketch; `layers` fixes k, None leaves it free.
     """
     o = options
-    x = np.concatenate([tutte(sketch).ravel(), np.zeros(8)])
-    operator = corner_operator(sketch.quads, sketch.n_points)
-    ratio, k, energy = 1.0, layers or 1, np.inf
+    trial = _Trial(sketch, size, corner_operator(sketch.quads, sketch.n_points), o)
+    counts = np.unique(np.geomspace(1, MAX_LAYERS, 20).round()) if layers is None else np.array([float(layers)])
+    x, k = _start(trial, counts)
+    ratio, energy = 1.0, np.inf
     for _ in range(o.rounds):
         ratio = thickness_ratio(sketch, x[:8].reshape(4, 2))
-        fixed, basis = sketch.linear(ratio)
-        moved = controls(sketch, x)
-        h = size(fixed + basis @ moved)[sketch.quads]
-        fixed, basis = operator @ fixed, operator @ basis
+        fixed, basis, h = trial.state(x, ratio)
         if layers is None:
-            k = _best_layers(sketch, fixed + basis @ moved, h, o)
+            near = np.unique((k * np.linspace(0.7, 1.4, 15)).round().clip(1, MAX_LAYERS))
+            k, _ = trial.best_layers(fixed + basis @ controls(sketch, x), h, near)
         corners, weights = sketch.wanted(h, k), sketch.weights(k)
 
         def objective(
@@ -123,12 +126,53 @@ def place(sketch: Sketch, size: Size, layers: int | None, options: PlacementOpti
 
         found = minimize(objective, x, jac=True, method="L-BFGS-B", options={"maxiter": o.iterations})
         x, energy = found.x, float(found.fun)
-    return Placement(x[:8].reshape(4, 2), x[8:], k, ratio, energy)
+    return Placement(x[:8].reshape(4, 2), x[8:], int(k), ratio, energy)
 
 
-def _best_layers(sketch: Sketch, edges: np.ndarray, h: np.ndarray, options: PlacementOptions) -> int:
-    """Return the number of layers of least energy for given positions."""
-    k = np.arange(1, MAX_LAYERS + 1)
-    stacked = k[:, None, None].astype(float)
-    energy = corner_energy(edges, sketch.wanted(h, stacked), options.size_weight, options.epsilon)
-    return int(k[(sketch.weights(stacked) * energy).sum(axis=-1).argmin()])
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A sketch with the wanted sizes: what its energy needs."""
+
+    sketch: Sketch
+    size: Size
+    operator: csr_matrix
+    options: PlacementOptions
+
+    def state(self, x: np.ndarray, ratio: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return corner edges as `fixed + basis @ controls` and the wanted size at each corner, (q, 4)."""
+        fixed, basis = self.sketch.linear(ratio)
+        h = self.size(fixed + basis @ controls(self.sketch, x))[self.sketch.quads]
+        return self.operator @ fixed, self.operator @ basis, h
+
+    def best_layers(self, edges: np.ndarray, h: np.ndarray, counts: np.ndarray) -> tuple[float, float]:
+        """Return the number of layers of least energy among `counts`, and that energy."""
+        stacked = counts[:, None, None]
+        o = self.options
+        energy = corner_energy(edges, self.sketch.wanted(h, stacked), o.size_weight, o.epsilon)
+        energy = (self.sketch.weights(stacked) * energy).sum(axis=-1)
+        best = int(energy.argmin())
+        return float(counts[best]), float(energy[best])
+
+
+def _start(trial: _Trial, counts: Float[np.ndarray, " c"]) -> tuple[Float[np.ndarray, "16"], float]:
+    """Return straight edges and Tutte's singular points, moved to and scaled about the place of most cells; and k.
+
+    That place is the mean of the points weighted by the number of wanted cells around them.
+    """
+    sketch = trial.sketch
+    first = tutte(sketch)
+    fixed, basis = sketch.linear(1.0)
+    points = fixed + basis @ np.concatenate([first, np.zeros((8, 2))])
+    corner = points[sketch.quads]
+    diagonals = corner[:, 2:] - corner[:, :2]
+    cells = np.abs(cross(diagonals[:, 0], diagonals[:, 1])) / trial.size(corner.mean(axis=1)) ** 2
+    centre = cells @ corner.mean(axis=1) / cells.sum()
+    best, start, layers = np.inf, first, 1.0
+    for scale in SCALES:
+        singular = centre + scale * (first - first.mean(axis=0))
+        x = np.concatenate([singular.ravel(), np.zeros(8)])
+        fixed, basis, h = trial.state(x, thickness_ratio(sketch, singular))
+        k, energy = trial.best_layers(fixed + basis @ controls(sketch, x), h, counts)
+        if energy < best:
+            best, start, layers = energy, singular, k
+    return np.concatenate([start.ravel(), np.zeros(8)]), layers
