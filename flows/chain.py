@@ -34,7 +34,7 @@ def run_chain(tasks: Mapping[str, Task[..., Any]], surface: str, options: Mappin
 
     `tasks` and `options` map stage names to tasks and to options; `store` is the folder of the artifact store.
     """
-    refs: dict[str, Any] = {}
+    refs: dict[str, str] = {}
     for name, task in tasks.items():
         state = task(surface, dict(refs), options[name], store, return_state=True)
         if not state.is_completed():
@@ -50,11 +50,11 @@ def exit_code(outcomes: Sequence[Outcome]) -> int:
     return SOME_FAILED if any(outcome.failure for outcome in outcomes) else 0
 
 
-def _artifacts(refs: Mapping[str, Any]) -> dict[str, ArtifactRef]:
+def _artifacts(refs: Mapping[str, str]) -> dict[str, ArtifactRef]:
     return {name: ArtifactRef.from_json(ref) for name, ref in refs.items()}
 
 
-def _failed(surface: str, refs: Mapping[str, Any], stage: str, error: BaseException) -> Outcome:
+def _failed(surface: str, refs: Mapping[str, str], stage: str, error: BaseException) -> Outcome:
     if isinstance(error, MeshgenError):
         sentence = str(error) if str(error).startswith(surface) else f"{surface}: {error}"
         return Outcome(surface, _artifacts(refs), sentence, error.exit_code)

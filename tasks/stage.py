@@ -11,8 +11,12 @@ from drl_meshgen.errors import MeshgenError
 from drl_meshgen.store import ArtifactRef, Stage, Store, load, stored
 from tasks.storage import RecordStorage
 
-Refs = Mapping[str, Mapping[str, Any]]
-"""Artifact references as JSON by stage name: what tasks take and give."""
+Refs = Mapping[str, str]
+"""Artifact references as JSON by stage name.
+
+Text, because Prefect finds out what depends on what by the identity of results and of what is directly in them: a stage
+name inside a mapping would tie every run of a stage to all others in the dashboard's graph.
+"""
 
 
 def _references(stage: Stage[Any, Any], refs: Refs) -> dict[str, ArtifactRef]:
@@ -24,7 +28,7 @@ def _retry(_task: Task[..., Any], _run: TaskRun, state: State[Any]) -> bool:
     return isinstance(state.data, OSError)
 
 
-def stage_task(name: str, stages: Sequence[Stage[Any, Any]]) -> Task[..., dict[str, Any]]:
+def stage_task(name: str, stages: Sequence[Stage[Any, Any]]) -> Task[..., str]:
     """Return the Prefect task of the stage called `name`.
 
     It is called with `surface` (name of the model, for display), `refs` (what the tasks of its inputs returned),
@@ -40,7 +44,7 @@ def stage_task(name: str, stages: Sequence[Stage[Any, Any]]) -> Task[..., dict[s
             return None
         return str(Store(parameters["store"]).record_path(stage.name, recipe.key).absolute())
 
-    def run(surface: str, refs: Refs, options: Any, store: str) -> dict[str, Any]:  # noqa: ARG001 - names the task run
+    def run(surface: str, refs: Refs, options: Any, store: str) -> str:  # noqa: ARG001 - names the task run
         place, known = Store(store), _references(stage, refs)
         return stored(stage, known, options, place, lambda name: load(by_name[name], known[name], place)).to_json()
 

@@ -5,7 +5,7 @@ from prefect import flow
 from prefect.client.orchestration import get_client
 from prefect.settings import PREFECT_API_URL, temporary_settings
 
-from drl_meshgen.store import Store
+from drl_meshgen.store import ArtifactRef, Store
 from flows.chain import Outcome, exit_code, run_chain
 from flows.server import ServerError, answers, connected
 from tasks.stage import stage_task
@@ -82,8 +82,8 @@ def test_a_bug_leaves_its_traceback_in_the_log(tmp_path, monkeypatch, caplog):
 
 
 def test_a_task_needs_no_server(tmp_path):
-    ref = TASKS["number"].fn("three", {}, NumberOptions(), str(tmp_path))
-    assert Store(tmp_path).find("number", ref["key"]).to_json() == ref
+    ref = ArtifactRef.from_json(TASKS["number"].fn("three", {}, NumberOptions(), str(tmp_path)))
+    assert Store(tmp_path).find("number", ref.key) == ref
 
 
 def test_exit_codes_are_those_of_the_command_line():

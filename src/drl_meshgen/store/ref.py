@@ -1,5 +1,6 @@
 """References to stored artifacts, and the recipes whose digest is their key."""
 
+import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -61,13 +62,14 @@ class ArtifactRef:
         """SHA-256 over names and contents: what the keys of later stages depend on."""
         return digest(self.outputs)
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the reference as plain JSON data."""
-        return {"stage": self.stage, "key": self.key, "outputs": dict(self.outputs)}
+    def to_json(self) -> str:
+        """Return the reference as JSON text."""
+        return json.dumps({"stage": self.stage, "key": self.key, "outputs": dict(self.outputs)})
 
     @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> "ArtifactRef":
-        """Return the reference that `to_json` described; raises ValueError, KeyError or TypeError for other data."""
+    def from_json(cls, text: str) -> "ArtifactRef":
+        """Return the reference that `to_json` wrote; raises ValueError, KeyError or TypeError for other text."""
+        data = json.loads(text)
         return cls(data["stage"], data["key"], dict(data["outputs"]))
 
 
