@@ -1,5 +1,6 @@
-"""Assembly of filled pieces into one block mesh."""
+"""Subdomains filled in their charts and assembled into one block mesh."""
 
-from drl_meshgen.assembly.assemble import assemble
+from drl_meshgen.assembly.assemble import Assembly, assemble
+from drl_meshgen.assembly.subdomains import CapFill, RingFill, Subdomains, fill
 
-__all__ = ["assemble"]
+__all__ = ["Assembly", "CapFill", "RingFill", "Subdomains", "assemble", "fill"]

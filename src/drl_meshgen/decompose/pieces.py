@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 from drl_meshgen.decompose.cells import Cell, Ring, cells, ring_between, submesh
 from drl_meshgen.decompose.spine import Spine, loop_distance, spine
 from drl_meshgen.errors import StageError
+from drl_meshgen.lift.harmonic import disk_chart
 from drl_meshgen.mesh import TriMesh
 from drl_meshgen.partition import Partition, RegionKind
 from drl_meshgen.partition.cutting import midpoint_refined
@@ -50,12 +51,18 @@ class Tube:
 
 @dataclass(frozen=True, eq=False)
 class Cap:
-    """A disk inside one curve. `loop` are the vertices of `mesh` on it, the cap on their left."""
+    """A disk inside one curve, with its harmonic map to the unit disk.
+
+    `loop` are the vertices of `mesh` on the curve, the cap on their left; `share` their place along it, from 0 to 1.
+    `plane` maps the loop to angles `2 pi share`.
+    """
 
     curve: int
     mesh: TriMesh
     origin: Int[np.ndarray, " v"]
     loop: Int[np.ndarray, " n"]
+    share: Float[np.ndarray, " n"]
+    plane: Float[np.ndarray, "v 2"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +72,11 @@ class Pieces:
     junctions: tuple[Junction, ...]
     tubes: tuple[Tube, ...]
     caps: tuple[Cap, ...]
+
+    @property
+    def rings(self) -> tuple[Ring, ...]:
+        """Rings of all cells, junction after junction, then those of the tubes: the order used everywhere."""
+        return (*(cell.ring for junction in self.junctions for cell in junction.cells), *(t.ring for t in self.tubes))
 
 
 def pieces(partition: Partition, exponents: tuple[float, ...]) -> Pieces:
@@ -76,7 +88,7 @@ def pieces(partition: Partition, exponents: tuple[float, ...]) -> Pieces:
     for r, region in enumerate(partition.regions):
         mesh, ids = submesh(partition.surface.mesh, np.nonzero(partition.region == r)[0])
         if region.kind is RegionKind.CAP:
-            caps.append(Cap(region.loops[0], mesh, ids, mesh.topology.loops[0]))
+            caps.append(_cap(region.loops[0], mesh, ids))
         elif region.kind is RegionKind.TUBE:
             first, second = region.loops
             ring = ring_between(mesh, ids, partition.curves[first].vertices)
@@ -87,6 +99,14 @@ def pieces(partition: Partition, exponents: tuple[float, ...]) -> Pieces:
             exponent = exponents[len(junctions) % len(exponents)]
             junctions.append(_junction(partition, mesh, ids, region.loops, exponent, r))
     return Pieces(tuple(junctions), tuple(tubes), tuple(caps))
+
+
+def _cap(curve: int, mesh: TriMesh, ids: np.ndarray) -> Cap:
+    loop = mesh.topology.loops[0]
+    p = mesh.vertices[loop]
+    step = np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1)
+    share = np.r_[0.0, np.cumsum(step[:-1])] / step.sum()
+    return Cap(curve, mesh, ids, loop, share, disk_chart(mesh, loop, 2 * np.pi * share))
 
 
 def _junction(

@@ -1,0 +1,115 @@
+"""The subdomain stage: nodes of every ring and cap in its own chart."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
+
+from drl_meshgen.assembly.align import Alignment, align
+from drl_meshgen.decompose import Cap, Layout
+from drl_meshgen.partition import Curve, Partition
+from drl_meshgen.templates import Policy, RulePolicy, fill_cap
+from drl_meshgen.templates.placement import Size
+
+
+@dataclass(frozen=True, eq=False)
+class RingFill:
+    """Chart coordinates `(theta, h)` of the nodes of a ring, shape `(rows + 1, n, 2)`; row 0 lies on its first curve.
+
+    `first (n,)` is the index on that curve of the node each column meets; for a tube `last (n,)` the same at its other
+    curve, for a cell empty.
+    """
+
+    chart: Float[np.ndarray, "r n 2"]
+    first: Int[np.ndarray, " n"]
+    last: Int[np.ndarray, " m"]
+
+
+@dataclass(frozen=True, eq=False)
+class CapFill:
+    """O-type mesh of a cap in its disk chart: `chart (p, 2)`, boundary nodes first, then layer after layer, then core.
+
+    `first (n,)` is the index on the curve of each boundary node, `core` the node grid of the core, `corners` the
+    columns of the template's corners, `layers` the number of radial cells.
+    """
+
+    chart: Float[np.ndarray, "p 2"]
+    first: Int[np.ndarray, " n"]
+    core: Int[np.ndarray, "m1 n1"]
+    corners: tuple[int, ...]
+    layers: int
+
+
+@dataclass(frozen=True, eq=False)
+class Subdomains:
+    """Fills of all rings (in the order of `Pieces.rings`) and caps, and one row per cap: template and parameters."""
+
+    rings: tuple[RingFill, ...]
+    caps: tuple[CapFill, ...]
+    templates: pd.DataFrame
+
+
+def fill(partition: Partition, layout: Layout, policy: Policy | None = None) -> Subdomains:
+    """Place the nodes of all pieces in their charts.
+
+    Rings get equally spaced rows in `h` and columns that are straight in the chart, so cells cannot overlap there.
+    Caps get the O-type template with parameters from `policy` (rule-based by default).
+    """
+    policy = policy or RulePolicy()
+    placed = align(partition, layout)
+    rings = _ring_fills(layout, placed)
+    caps, rows = [], []
+    for cap in layout.pieces.caps:
+        one, row = _cap_fill(cap, partition.curves[cap.curve], partition, placed.positions[cap.curve], policy)
+        caps.append(one)
+        rows.append({"cap": len(rows), "curve": cap.curve, **row})
+    columns = ["cap", "curve", "template", "i0", "m", "n", "layers", "grading", "outcome"]
+    return Subdomains(rings, tuple(caps), pd.DataFrame(rows, columns=columns))
+
+
+def _ring_fills(layout: Layout, placed: Alignment) -> tuple[RingFill, ...]:
+    none = np.empty(0, np.int64)
+    fills = []
+    for columns, rows in zip(placed.cells, layout.cell_rows, strict=True):
+        for (foot, outer), r in zip(columns, rows, strict=True):
+            fills.append(RingFill(_ruled(foot.theta, outer, int(r)), foot.nodes(), none))
+    for (one, two), r in zip(placed.tubes, layout.tube_rows, strict=True):
+        fills.append(RingFill(_ruled(one.theta, two.theta, int(r)), one.nodes(), two.nodes()))
+    return tuple(fills)
+
+
+def _ruled(inner: np.ndarray, outer: np.ndarray, rows: int) -> Float[np.ndarray, "r n 2"]:
+    share = (np.arange(rows + 1) / rows)[:, None]
+    outer = outer + np.round((inner - outer).mean())
+    theta = (1 - share) * inner + share * outer
+    return np.stack([theta, np.broadcast_to(share, theta.shape)], axis=-1)
+
+
+def _cap_fill(
+    cap: Cap, curve: Curve, partition: Partition, positions: Float[np.ndarray, " n"], policy: Policy
+) -> tuple[CapFill, dict[str, object]]:
+    at, length = curve.arc_length(partition.surface.mesh.vertices)
+    place = {int(v): float(s) for v, s in zip(curve.vertices, at, strict=True)}
+    start, second = (place[int(v)] for v in cap.origin[cap.loop[:2]])
+    forward = (second - start) % 1.0 < 0.5
+    share = (positions - start) % 1.0 if forward else (start - positions) % 1.0
+    order = np.argsort(share, kind="stable")
+    angle = 2 * np.pi * share[order]
+    filled = fill_cap(np.c_[np.cos(angle), np.sin(angle)], policy, size=_size(cap, length / len(positions)))
+    p = filled.parameters
+    row = {"template": "O", "i0": p.i0, "m": p.m, "n": p.n, "layers": p.layers, "grading": p.grading}
+    corners = tuple(sorted(int(c) for c in p.corners))
+    return CapFill(filled.points, order, filled.grids[0], corners, p.layers), row | {"outcome": filled.outcome.name}
+
+
+def _size(cap: Cap, spacing: float) -> Size:
+    """Wanted edge length in the disk chart: `spacing` on the surface times the local stretch of the chart."""
+    edges = cap.mesh.topology.edges
+    ratio = np.linalg.norm(cap.plane[edges[:, 1]] - cap.plane[edges[:, 0]], axis=1) / cap.mesh.edge_lengths
+    n = len(cap.plane)
+    total = np.bincount(edges[:, 0], ratio, n) + np.bincount(edges[:, 1], ratio, n)
+    stretch = spacing * total / np.maximum(cap.mesh.topology.valence, 1)
+    tree = cKDTree(cap.plane)
+    return lambda points: stretch[tree.query(points)[1]]
