@@ -116,6 +116,18 @@ class NodeSpace:
         """Undo `freeze`."""
         return self._state(state.triangle.copy(), state.weights.copy(), state.s)
 
+    def mixed(self, old: NodeState, new: NodeState, take: Bool[np.ndarray, " n"]) -> NodeState:
+        """Return the state that has the chosen nodes where `new` has them and the others where `old` has them."""
+        chosen = take[:, None]
+        return NodeState(
+            np.where(take, new.triangle, old.triangle),
+            np.where(chosen, new.weights, old.weights),
+            np.where(take[self.sliding], new.s, old.s),
+            np.where(chosen, new.points, old.points),
+            np.where(chosen, new.normals, old.normals),
+            np.where(chosen, new.tangents, old.tangents),
+        )
+
     def moved(self, state: NodeState, step: Float[np.ndarray, "n 2"]) -> NodeState:
         """Return the state after moving each node by `step` in units of its tangents."""
         step = np.where(state.tangents.any(axis=2).T, step, 0.0)

@@ -1,78 +1,44 @@
 """The node optimiser: relax, minimise, sharpen, repair; keep the best mesh seen."""
 
-from typing import NamedTuple
-
 import numpy as np
 import pandas as pd
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Int
 
 from drl_meshgen.mesh import QuadMesh, TriMesh
 from drl_meshgen.smoothing.energy import QuadEnergy, Residuals, ideal_angles
-from drl_meshgen.smoothing.newton import minimise
+from drl_meshgen.smoothing.newton import Observer, minimise
 from drl_meshgen.smoothing.nodes import NodeSpace, NodeState
 from drl_meshgen.smoothing.options import SmoothingOptions, SmoothingOutcome, SmoothingResult
+from drl_meshgen.smoothing.patches import reach_of, repair, unfold
 from drl_meshgen.smoothing.relax import sweep
-from drl_meshgen.smoothing.untangle import untangle
-from drl_meshgen.smoothing.verdict import Figures, figures, shape_on_surface
+from drl_meshgen.smoothing.verdict import Figures, Referee
 
 
-class _Best:
+class _Record:
     """Best state so far and the record of how it was reached."""
 
-    def __init__(self, space: NodeSpace, energy: QuadEnergy, options: SmoothingOptions) -> None:
-        self.space, self.energy, self.options = space, energy, options
+    def __init__(self, referee: Referee, state: NodeState) -> None:
+        self.referee, self.state = referee, state
         self.rows: list[dict] = []
-        self.state: NodeState | None = None
         self.score = np.inf
+        self.judge("start", state)
 
     def judge(self, stage: str, state: NodeState, cost: float = np.nan, damping: float = np.nan) -> Figures:
         """Record a state and keep it if it is the best."""
-        found = figures(self.energy.shape(state), self.energy.pairs)
-        score = found.shortfall(self.options)
+        found = self.referee.figures(state)
+        score = found.shortfall(self.referee.options)
         if score < self.score:
             self.state, self.score = state, score
         self.rows.append({"stage": stage, "cost": cost, "damping": damping, **vars(found)})
         return found
 
+    def observer(self, stage: str) -> Observer:
+        """Return what to call after every step of a stage."""
 
-def reach_of(mesh: QuadMesh, points: Float[np.ndarray, "n 3"], share: float) -> Float[np.ndarray, " n"]:
-    """Longest step of each node: a share of the mean length of its edges, averaged with that of all edges."""
-    edges = mesh.topology.edges
-    length = np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1)
-    total = np.bincount(edges.ravel(), np.repeat(length, 2), minlength=len(points))
-    local = total / np.maximum(mesh.topology.valence, 1)
-    return 0.5 * share * (local + length.mean())
+        def observe(state: NodeState, _residuals: Residuals, cost: float, damping: float) -> None:
+            self.judge(stage, state, cost, damping)
 
-
-class Patch(NamedTuple):
-    """Quads around bad ones and the nodes that move to mend them."""
-
-    energy: QuadEnergy
-    moving: Bool[np.ndarray, " n"]
-
-
-def patch_around(mesh: QuadMesh, bad: Bool[np.ndarray, " m"], rings: int, whole: QuadEnergy) -> Patch:
-    """Nodes within `rings` quads of the bad ones, and all quads at those nodes."""
-    quads = mesh.quads
-    chosen = bad
-    moving = np.zeros(len(mesh.points), bool)
-    for _ in range(rings):
-        moving[quads[chosen].ravel()] = True
-        chosen = moving[quads].any(axis=1)
-    return Patch(QuadEnergy(mesh, whole.options, np.nonzero(chosen)[0], whole.ideal), moving)
-
-
-def unfold(space: NodeSpace, whole: QuadEnergy, state: NodeState, options: SmoothingOptions) -> NodeState:
-    """Untangle around folded quads, in patches that grow from round to round."""
-    mesh = space.mesh
-    for round_ in range(options.unfold_rounds):
-        folded = ~whole.shape(state).valid
-        if not folded.any():
-            break
-        patch = patch_around(mesh, folded, options.repair_rings + 2 * round_, whole)
-        reach = reach_of(mesh, state.points, 2 * options.step_limit)
-        state = space.thaw(untangle(space, patch.energy, space.freeze(state, patch.moving), reach))
-    return state
+        return observe
 
 
 def optimise(
@@ -90,42 +56,32 @@ def optimise(
     """
     options = options or SmoothingOptions()
     space = NodeSpace(surface, mesh, fixed)
-    ideal = ideal_angles(mesh)
-    energy = QuadEnergy(mesh, options, ideal=ideal)
+    energy = QuadEnergy(mesh, options, ideal=ideal_angles(mesh))
+    referee = Referee(surface, mesh, options)
     state = space.start(triangle)
-    best = _Best(space, energy, options)
-    best.judge("start", state)
+    record = _Record(referee, state)
     for _ in range(options.relax_sweeps):
         state = sweep(space, energy, state, reach_of(mesh, state.points, options.step_limit))
-    best.judge("relax", state)
-    state = unfold(space, energy, state, options)
-    best.judge("unfold", state)
+    record.judge("relax", state)
+    state = unfold(space, energy, referee, state, options)
+    record.judge("unfold", state)
     for k, (hinge, steps) in enumerate(zip(options.hinge_weights, options.newton_steps, strict=True)):
-        def observe(s: NodeState, _r: Residuals, cost: float, damping: float, stage: str = f"newton {k + 1}") -> None:
-            best.judge(stage, s, cost, damping)
-
+        stage = f"newton {k + 1}"
         reach = reach_of(mesh, state.points, options.step_limit)
-        state = minimise(space, energy.with_hinge(hinge), state, reach, steps, observe)
-        state = unfold(space, energy, state, options)
-        best.judge(f"unfold {k + 1}", state)
-    for round_ in range(options.repair_rounds):
-        state = unfold(space, energy, best.state, options)
-        best.judge("unfold", state)
-        angle = np.degrees(energy.shape(state).angle)
-        low, high = options.repair_angles
-        bad = ((angle < low) | (angle > high)).any(axis=0)
-        if not bad.any():
+        state = minimise(space, energy.with_hinge(hinge), state, reach, steps, record.observer(stage))
+        if record.judge(stage, state).invalid:
+            state = unfold(space, energy, referee, state, options)
+            record.judge(f"unfold {k + 1}", state)
+    state = record.state
+    for k in range(options.repair_rounds):
+        rings = options.repair_rings + k
+        mended = repair(space, energy, referee, state, rings, lambda *_: None)
+        if mended is state:
             break
-        patch = patch_around(mesh, bad, options.repair_rings + round_, energy)
-
-        def keep(s: NodeState, _r: Residuals, cost: float, damping: float, stage: str = f"repair {round_ + 1}") -> None:
-            best.judge(stage, s, cost, damping)
-
-        reach = reach_of(mesh, state.points, options.step_limit)
-        local = patch.energy.with_hinge(options.repair_hinge)
-        minimise(space, local, space.freeze(state, patch.moving), reach, options.repair_steps, keep)
-    state = best.state
-    final = figures(shape_on_surface(surface, mesh, state.points), energy.pairs)
+        state = mended
+        record.judge(f"repair {k + 1}", state)
+    state = record.state
+    final = referee.figures(state, exact=True)
     low, high = options.wanted_angles
     if final.invalid:
         outcome = SmoothingOutcome.INVALID
@@ -133,4 +89,4 @@ def optimise(
         outcome = SmoothingOutcome.VALID
     else:
         outcome = SmoothingOutcome.GOOD
-    return SmoothingResult(state.points, state.triangle, outcome, pd.DataFrame(best.rows))
+    return SmoothingResult(state.points, state.triangle, outcome, pd.DataFrame(record.rows))

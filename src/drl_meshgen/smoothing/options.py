@@ -38,8 +38,10 @@ class SmoothingOptions:
     """Local-global sweeps towards well-shaped quads before anything else."""
     newton_steps: tuple[int, ...] = (12, 12)
     """Most Gauss-Newton steps of each stage."""
-    repair_angles: tuple[float, float] = (35.0, 145.0)
+    repair_angles: tuple[float, float] = (45.0, 135.0)
     """Quads with a corner angle outside these limits (degrees) are repaired together with their surroundings."""
+    repair_area_ratio: float = 3.0
+    """Edge-adjacent quads whose areas differ by more than this factor are repaired as well."""
     unfold_rounds: int = 3
     """Most rounds of untangling, in growing patches, each time folded quads are looked for."""
     repair_rings: int = 3

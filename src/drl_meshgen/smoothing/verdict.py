@@ -1,13 +1,23 @@
 """How good a quad mesh is, in the few figures the optimiser steers by."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from drl_meshgen.mesh import QuadMesh, TriMesh
-from drl_meshgen.smoothing.energy import Shape, shape_of
+from drl_meshgen.smoothing.energy import Shape, beyond, shape_of
+from drl_meshgen.smoothing.nodes import NodeState
 from drl_meshgen.smoothing.options import SmoothingOptions
+
+FOLDED = 180.0
+"""Penalty of a folded quad, in degrees beyond the wanted angles."""
+JUMP = 20.0
+"""Penalty of an area ratio of e times the wanted one, in degrees beyond the wanted angles."""
+AGREEMENT = 0.5
+"""A quad is judged by the surface triangle nearest to its centroid unless its normal and those of the surface at its
+corners agree at least this well (cosine)."""
 
 
 @dataclass(frozen=True)
@@ -29,30 +39,74 @@ class Figures:
         """Single figure to compare meshes by, smaller is better: folded quads first, then missed limits."""
         low, high = options.wanted_angles
         missed = max(0.0, low - self.min_angle) + max(0.0, self.max_angle - high)
-        missed += 20 * max(0.0, np.log(self.area_ratio / options.wanted_area_ratio))
+        missed += JUMP * max(0.0, np.log(self.area_ratio / options.wanted_area_ratio))
         return 1e3 * self.invalid + missed + 100 * (1 - self.orthogonality)
 
 
-def figures(shape: Shape, pairs: Int[np.ndarray, "2 e"]) -> Figures:
-    """Figures of quads from their geometry; `pairs` are the edge-adjacent ones."""
-    angle = np.degrees(np.mod(shape.angle, 2 * np.pi))
-    area = np.maximum(np.abs(shape.area), np.finfo(float).tiny)
-    jump = np.abs(np.log(area[pairs[0]] / area[pairs[1]]))
-    skew = np.clip(np.abs(angle - 90).max(axis=0) / 90, 0, 1)
-    return Figures(
-        invalid=int((~shape.valid).sum()),
-        min_angle=float(angle.min()),
-        max_angle=float(angle.max()),
-        area_ratio=float(np.exp(min(jump.max(initial=0.0), 700.0))),
-        orthogonality=float(1 - skew.mean()),
-    )
+class Referee:
+    """Judges states of one mesh on one surface as an outsider would: only the shape of the quads counts."""
+
+    def __init__(self, surface: TriMesh, mesh: QuadMesh, options: SmoothingOptions) -> None:
+        self.surface, self.mesh, self.options = surface, mesh, options
+        self.quads = np.ascontiguousarray(mesh.quads.T)
+        self.pairs = np.ascontiguousarray(mesh.topology.edge_faces[mesh.topology.edge_count == 2].T)
+
+    @cached_property
+    def _nearest(self) -> "object":
+        import pyvista as pv  # heavy: loaded only where quads are in doubt
+
+        return pv.PolyData.from_regular_faces(self.surface.vertices, self.surface.triangles)
+
+    def shape(self, state: NodeState, *, exact: bool = False) -> Shape:
+        """Geometry of all quads, oriented by the surface triangle nearest to the centroid (where in doubt or `exact`)."""
+        corner_normals = state.normals.T[:, self.quads]
+        up = corner_normals.sum(axis=1)
+        shape = shape_of(self.quads, state.points, up)
+        agreement = np.einsum("im,icm->cm", shape.normal, corner_normals).min(axis=0)
+        doubt = np.nonzero(agreement < (2.0 if exact else AGREEMENT))[0]
+        if doubt.size:
+            centroids = np.ascontiguousarray(shape.corners[:, :, doubt].mean(axis=1).T)
+            up[:, doubt] = self.surface.normals[np.atleast_1d(self._nearest.find_closest_cell(centroids))].T
+            shape = shape_of(self.quads, state.points, up)
+        return shape
+
+    def figures(self, state: NodeState, *, exact: bool = False) -> Figures:
+        """Worst angles, area ratio and number of folded quads."""
+        shape = self.shape(state, exact=exact)
+        angle = outer_angles(shape)
+        jump = np.abs(self._jumps(shape)).max(initial=0.0)
+        skew = np.clip(np.abs(angle - 90).max(axis=0) / 90, 0, 1)
+        return Figures(
+            invalid=int((~shape.valid).sum()),
+            min_angle=float(angle.min()),
+            max_angle=float(angle.max()),
+            area_ratio=float(np.exp(min(jump, 700.0))),
+            orthogonality=float(1 - skew.mean()),
+        )
+
+    def _jumps(self, shape: Shape) -> Float[np.ndarray, " e"]:
+        area = np.maximum(np.abs(shape.area), np.finfo(float).tiny)
+        return np.log(area[self.pairs[0]] / area[self.pairs[1]])
+
+    def penalties(self, state: NodeState) -> Float[np.ndarray, " m"]:
+        """Squared amount by which each quad misses the wanted limits, in degrees; folded ones miss by much."""
+        shape, (low, high) = self.shape(state), self.options.wanted_angles
+        angle = outer_angles(shape)
+        missed = np.maximum(low - angle, 0).max(axis=0) + np.maximum(angle - high, 0).max(axis=0)
+        excess = JUMP * np.abs(beyond(self._jumps(shape), np.log(self.options.wanted_area_ratio)))
+        total = (missed + FOLDED * ~shape.valid) ** 2
+        return total + np.bincount(self.pairs.ravel(), np.tile(0.5 * excess**2, 2), minlength=len(total))
+
+    def bad(self, state: NodeState) -> Bool[np.ndarray, " m"]:
+        """Quads beyond the limits of repair."""
+        shape, (low, high) = self.shape(state), self.options.repair_angles
+        angle = outer_angles(shape)
+        jump = np.abs(self._jumps(shape)) > np.log(self.options.repair_area_ratio)
+        bad = (angle < low).any(axis=0) | (angle > high).any(axis=0) | ~shape.valid
+        bad[self.pairs[:, jump].ravel()] = True
+        return bad
 
 
-def shape_on_surface(surface: TriMesh, mesh: QuadMesh, points: Float[np.ndarray, "n 3"]) -> Shape:
-    """Geometry of all quads, oriented by the surface triangle closest to each centroid (what a referee sees)."""
-    import pyvista as pv  # heavy: loaded only where the exact verdict is asked for
-
-    centroids = points[mesh.quads].mean(axis=1)
-    grid = pv.PolyData.from_regular_faces(surface.vertices, surface.triangles)
-    nearest = np.atleast_1d(grid.find_closest_cell(centroids))
-    return shape_of(np.ascontiguousarray(mesh.quads.T), points, surface.normals[nearest].T)
+def outer_angles(shape: Shape) -> Float[np.ndarray, "4 m"]:
+    """Corner angles in degrees from 0 to 360."""
+    return np.degrees(np.mod(shape.angle, 2 * np.pi))
