@@ -56,32 +56,30 @@ def rank_corners(
     """
     size = len(nodes)
     n = size // 2 - m
+    z = nodes[:, 0] + 1j * nodes[:, 1]  # plane points as complex numbers; choices are the last axis throughout
+    side = np.stack([m, n, m, n])
     t = np.arange(divisions) / divisions
-    start = i0[:, None] + np.stack([0 * m, m, m + n, 2 * m + n], axis=1)
-    index = (start[:, :, None] + np.stack([m, n, m, n], axis=1)[:, :, None] * t).reshape(len(m), -1)
+    index = ((i0 + np.cumsum(side, axis=0) - side)[:, None] + side[:, None] * t[:, None]).reshape(-1, len(m))
     low = np.floor(index).astype(np.int64)
-    part = (index - low)[..., None]
-    rim = (1 - part) * nodes[low % size] + part * nodes[(low + 1) % size]
+    rim = z[low % size] * (1 - index + low) + z[(low + 1) % size] * (index - low)
     matrix, blocks = reference(divisions, layers)
-    points = matrix @ rim
-    ring = points[:, layers * 4 * divisions : (layers + 1) * 4 * divisions]
-    spoke = np.linalg.norm(ring - rim, axis=-1).mean(axis=1)
-    girth = sum(np.linalg.norm(np.roll(r, -1, axis=1) - r, axis=-1).sum(axis=1) for r in (rim, ring)) / 2
+    points = (matrix @ rim.view(np.float64)).view(np.complex128)
+    ring = points[layers * len(rim) : (layers + 1) * len(rim)]
+    spoke = np.abs(ring - rim).mean(axis=0)
+    girth = (np.abs(np.roll(rim, -1, axis=0) - rim) + np.abs(np.roll(ring, -1, axis=0) - ring)).sum(axis=0) / 2
     k = spoke * size / girth
-    along, total, weight = np.stack([m, n, m, n], axis=1) / divisions, np.zeros(len(m)), np.zeros(len(m))
-    area = (girth / size) ** 2
-    steps = [(along[:, 0], along[:, 1]), *((along[:, s], k / layers) for s in range(4))]
-    for g, (first, second) in zip(blocks, steps, strict=True):
-        grid = points[:, g]
-        u = np.diff(grid, axis=1) / first[:, None, None, None]
-        v = np.diff(grid, axis=2) / second[:, None, None, None]
-        uu, vv = (u**2).sum(axis=-1), (v**2).sum(axis=-1)
+    floor = (0.05 * (girth / size) ** 2) ** 2
+    total, weight = np.zeros(len(m)), np.zeros(len(m))
+    steps = [(m, n), *((count, k * divisions / layers) for count in side)]
+    for grid, (first, second) in zip(blocks, steps, strict=True):
+        u = np.diff(points[grid], axis=0) * (divisions / first)
+        v = np.diff(points[grid], axis=1) * (divisions / second)
+        uu, vv = u.real**2 + u.imag**2, v.real**2 + v.imag**2
         cells = first * second
-        for a in (np.s_[:, :, :-1], np.s_[:, :, 1:]):
-            for b in (np.s_[:, :-1], np.s_[:, 1:]):
-                det = u[a][..., 0] * v[b][..., 1] - u[a][..., 1] * v[b][..., 0]
-                floor = 0.05 * area[:, None, None]
-                energy = (uu[a] + vv[b]) / (det + np.sqrt(floor**2 + det**2))
-                total = total + cells * energy.sum(axis=(1, 2))
-                weight = weight + cells * energy[0].size
+        for a in (np.s_[:, :-1], np.s_[:, 1:]):
+            for b in (np.s_[:-1], np.s_[1:]):
+                det = (u[a].conj() * v[b]).imag
+                energy = (uu[a] + vv[b]) / (det + np.sqrt(floor + det * det))
+                total += cells * energy.sum(axis=(0, 1))
+                weight += cells * energy[..., 0].size
     return total / weight

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -93,15 +94,18 @@ def thickness_ratio(sketch: Sketch, singular: Float[np.ndarray, "4 2"]) -> float
     return float(core / np.linalg.norm(np.roll(sketch.rim, -1, axis=0) - sketch.rim, axis=1).sum())
 
 
-def place(sketch: Sketch, size: Size, layers: int | None, options: PlacementOptions) -> Placement:
-    """Return the parameters of least energy found by L-BFGS from the best of a family of scaled Tutte embeddings.
+def place(
+    sketch: Sketch, size: Size, layers: int | None, options: PlacementOptions, start: tuple[float, float]
+) -> Placement:
+    """Return the parameters of least energy found by L-BFGS from straight edges and Tutte's singular points.
 
-    `size` is in the units of the sketch; `layers` fixes k, None leaves it free.
+    `size` is in the units of the sketch; `layers` fixes k, None leaves it free. `start` is the core's size relative to
+    Tutte's and the number of layers to start from, see `start_of`.
     """
     o = options
     trial = _Trial(sketch, size, corner_operator(sketch.quads, sketch.n_points), o)
-    counts = np.unique(np.geomspace(1, MAX_LAYERS, 20).round()) if layers is None else np.array([float(layers)])
-    x, k = _start(trial, counts)
+    scale, k = start
+    x = trial.scaled(scale)
     ratio, energy = 1.0, np.inf
     for _ in range(o.rounds):
         ratio = thickness_ratio(sketch, x[:8].reshape(4, 2))
@@ -153,26 +157,37 @@ class _Trial:
         best = int(energy.argmin())
         return float(counts[best]), float(energy[best])
 
+    def scaled(self, scale: float) -> Float[np.ndarray, "16"]:
+        """Return straight edges and Tutte's singular points, scaled about and moved to the place of most cells.
 
-def _start(trial: _Trial, counts: Float[np.ndarray, " c"]) -> tuple[Float[np.ndarray, "16"], float]:
-    """Return straight edges and Tutte's singular points, moved to and scaled about the place of most cells; and k.
+        That place is the mean of the points weighted by the number of wanted cells around them.
+        """
+        return np.concatenate([(self._centre + scale * self._tutte).ravel(), np.zeros(8)])
 
-    That place is the mean of the points weighted by the number of wanted cells around them.
-    """
-    sketch = trial.sketch
-    first = tutte(sketch)
-    fixed, basis = sketch.linear(1.0)
-    points = fixed + basis @ np.concatenate([first, np.zeros((8, 2))])
-    corner = points[sketch.quads]
-    diagonals = corner[:, 2:] - corner[:, :2]
-    cells = np.abs(cross(diagonals[:, 0], diagonals[:, 1])) / trial.size(corner.mean(axis=1)) ** 2
-    centre = cells @ corner.mean(axis=1) / cells.sum()
-    best, start, layers = np.inf, first, 1.0
+    @cached_property
+    def _tutte(self) -> Float[np.ndarray, "4 2"]:
+        singular = tutte(self.sketch)
+        return singular - singular.mean(axis=0)
+
+    @cached_property
+    def _centre(self) -> Float[np.ndarray, "2"]:
+        fixed, basis = self.sketch.linear(1.0)
+        corner = (fixed + basis[:, :4] @ tutte(self.sketch))[self.sketch.quads]
+        diagonals = corner[:, 2:] - corner[:, :2]
+        middle = corner.mean(axis=1)
+        cells = np.abs(cross(diagonals[:, 0], diagonals[:, 1])) / self.size(middle) ** 2
+        return cells @ middle / cells.sum()
+
+
+def start_of(sketch: Sketch, size: Size, layers: int | None, options: PlacementOptions) -> tuple[float, float]:
+    """Return the relative size of the core, one of `SCALES`, and the number of layers of least energy together."""
+    trial = _Trial(sketch, size, corner_operator(sketch.quads, sketch.n_points), options)
+    counts = np.unique(np.geomspace(1, MAX_LAYERS, 20).round()) if layers is None else np.array([float(layers)])
+    best, start = np.inf, (1.0, 1.0)
     for scale in SCALES:
-        singular = centre + scale * (first - first.mean(axis=0))
-        x = np.concatenate([singular.ravel(), np.zeros(8)])
-        fixed, basis, h = trial.state(x, thickness_ratio(sketch, singular))
+        x = trial.scaled(scale)
+        fixed, basis, h = trial.state(x, thickness_ratio(sketch, x[:8].reshape(4, 2)))
         k, energy = trial.best_layers(fixed + basis @ controls(sketch, x), h, counts)
         if energy < best:
-            best, start, layers = energy, singular, k
-    return np.concatenate([start.ravel(), np.zeros(8)]), layers
+            best, start = energy, (scale, k)
+    return start

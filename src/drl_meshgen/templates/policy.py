@@ -10,7 +10,7 @@ from drl_meshgen.errors import InputError
 from drl_meshgen.templates.corners import corner_pairs, rank_corners
 from drl_meshgen.templates.domain import Domain
 from drl_meshgen.templates.o_type import OParameters
-from drl_meshgen.templates.placement import Placement, PlacementOptions, Size, place
+from drl_meshgen.templates.placement import Placement, PlacementOptions, Size, place, start_of
 from drl_meshgen.templates.sketch import Sketch
 
 
@@ -50,10 +50,9 @@ class RulePolicy:
             score = rank_corners(local.nodes, i0, m, divisions, coarse_layers)
             best = np.argsort(score, kind="stable")[:keep]
             i0, m = i0[best], m[best]
-        placed: list[tuple[Placement, Sketch]] = []
-        for a, b in zip(i0.tolist(), m.tolist(), strict=True):
-            sketch = Sketch.of(local, a, b, self.divisions, 3)
-            placed.append((place(sketch, wanted, layers, self.placement), sketch))
+        sketches = [Sketch.of(local, a, b, self.divisions, 3) for a, b in zip(i0.tolist(), m.tolist(), strict=True)]
+        start = start_of(sketches[0], wanted, layers, self.placement)
+        placed = [(place(sketch, wanted, layers, self.placement, start), sketch) for sketch in sketches]
         best_placement, sketch = min(placed, key=lambda pair: pair[0].energy)
         return parameters_of(best_placement, sketch, frame.to_world(best_placement.singular))
 
@@ -72,11 +71,13 @@ def boundary_size(domain: Domain) -> Size:
     Its logarithm is averaged with weights `ds / d^2`: on a disk that is Poisson's kernel, so the size is the scale
     factor of the conformal metric in which the boundary nodes are evenly spaced and the interior is flat.
     """
-    spacing, log = domain.spacing, np.log(domain.spacing)
+    nodes, spacing = domain.nodes, domain.spacing
+    share = np.stack([spacing, spacing * np.log(spacing)], axis=1)
+    squared = (nodes**2).sum(axis=1) + (0.1 * spacing) ** 2
 
     def size(points: np.ndarray) -> np.ndarray:
-        distance = ((points[:, None] - domain.nodes) ** 2).sum(axis=-1)
-        weight = spacing / (distance + (0.1 * spacing) ** 2)
-        return np.exp(weight @ log / weight.sum(axis=1))
+        distance = points @ (-2 * nodes.T) + squared + (points**2).sum(axis=1)[:, None]
+        total, log = (1 / distance @ share).T
+        return np.exp(log / total)
 
     return size

@@ -73,13 +73,13 @@ class Sketch:
     def linear(self, ratio: float) -> tuple[Float[np.ndarray, "p 2"], Float[np.ndarray, "p 12"]]:
         """Return `fixed` and `basis`; the innermost layer is `ratio` times as thick as the outermost."""
         radial = graded(self.layers, ratio ** (1 / max(self.layers - 1, 1)))
-        zero = np.zeros((len(self.rim), 12))
-        unit = np.eye(12)
-        bow = np.zeros((8, 2, 12))
+        # one interpolation of 2 + 12 coordinates: the given boundary, and each unit vector of the controls
+        boundary = np.concatenate([self.rim, np.zeros((len(self.rim), 12))], axis=1)
+        unit = np.eye(12, 14, 2)
+        bow = np.zeros((8, 2, 14))
         bow[:, 0] = unit[4:]
-        kept = {"corners": self.coarse, "radial": radial, "fractions": self.fractions}
-        fixed = positions(self.rim, np.zeros((4, 2)), np.zeros((8, 2, 2)), **kept)
-        return fixed, positions(zero, unit[:4], bow, **kept)
+        both = positions(boundary, unit[:4], bow, corners=self.coarse, radial=radial, fractions=self.fractions)
+        return both[:, :2], both[:, 2:]
 
     def wanted(self, size: Float[np.ndarray, "q 4"], k: Float[np.ndarray, "*k 1 1"] | float) -> Corners:
         """Return wanted corners, flattened to (..., 4 q), of `k` layers of cells of edge length `size`."""
