@@ -11,6 +11,7 @@ from drl_meshgen.smoothing.nodes import NodeSpace, NodeState
 from drl_meshgen.smoothing.options import SmoothingOptions, SmoothingOutcome, SmoothingResult
 from drl_meshgen.smoothing.patches import reach_of, repair, unfold
 from drl_meshgen.smoothing.relax import sweep
+from drl_meshgen.smoothing.search import search
 from drl_meshgen.smoothing.verdict import Figures, Referee
 
 
@@ -69,7 +70,7 @@ def optimise(
         stage = f"newton {k + 1}"
         reach = reach_of(mesh, state.points, options.step_limit)
         state = minimise(space, energy.with_hinge(hinge), state, reach, steps, record.observer(stage))
-        if record.judge(stage, state).invalid:
+        if record.rows[-1]["invalid"]:
             state = unfold(space, energy, referee, state, options)
             record.judge(f"unfold {k + 1}", state)
     state = record.state
@@ -80,7 +81,7 @@ def optimise(
             break
         state = mended
         record.judge(f"repair {k + 1}", state)
-    state = record.state
+    state = search(space, referee, record.state)
     final = referee.figures(state, exact=True)
     low, high = options.wanted_angles
     if final.invalid:

@@ -97,6 +97,18 @@ class Referee:
         total = (missed + FOLDED * ~shape.valid) ** 2
         return total + np.bincount(self.pairs.ravel(), np.tile(0.5 * excess**2, 2), minlength=len(total))
 
+    def penalty_of_places(
+        self, points: Float[np.ndarray, "n 3"], ring: Int[np.ndarray, "q 4"], node: int, places: Float[np.ndarray, "p 3"]
+    ) -> Float[np.ndarray, " p"]:
+        """Sum of the squared penalties of the quads `ring` with their common node at each of the places."""
+        corners = np.where((ring == node)[None, :, :, None], places[:, None, None], points[ring][None]).reshape(-1, 3)
+        quads = np.arange(len(corners)).reshape(-1, 4).T
+        under = self.surface.normals[self._nearest.find_closest_cell(corners.reshape(-1, 4, 3).mean(axis=1))]
+        shape, (low, high) = shape_of(quads, corners, under.T), self.options.wanted_angles
+        angle = outer_angles(shape)
+        missed = np.maximum(low - angle, 0).max(axis=0) + np.maximum(angle - high, 0).max(axis=0)
+        return ((missed + FOLDED * ~shape.valid) ** 2).reshape(len(places), -1).sum(axis=1)
+
     def bad(self, state: NodeState) -> Bool[np.ndarray, " m"]:
         """Quads beyond the limits of repair."""
         shape, (low, high) = self.shape(state), self.options.repair_angles
