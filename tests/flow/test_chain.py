@@ -23,11 +23,21 @@ def toys(names, store, times=1):
     return outcomes
 
 
-def states(api):
-    """Names of the states of the tasks of the latest flow run, by task run."""
+def latest(api):
+    """Task runs of the latest flow run."""
     with temporary_settings({PREFECT_API_URL: api}), get_client(sync_client=True) as client:
         newest = max(client.read_flow_runs(), key=lambda run: run.created)
-        return {run.name: run.state_name for run in client.read_task_runs() if run.flow_run_id == newest.id}
+        return [run for run in client.read_task_runs() if run.flow_run_id == newest.id]
+
+
+def states(api):
+    return {run.name: run.state_name for run in latest(api)}
+
+
+def parents(api):
+    runs = latest(api)
+    names = {run.id: run.name for run in runs}
+    return {run.name: {names[i.id] for given in run.task_inputs.values() for i in given} for run in runs}
 
 
 @pytest.fixture
@@ -59,6 +69,27 @@ def test_the_dashboard_tells_cached_from_computed(server, tmp_path, wait_for):
     toys(["three"], tmp_path, times=2)
     expected = {"number three": "Cached", "double three": "Completed", "total three": "Completed"}
     wait_for(lambda: states(server), expected)
+
+
+def test_the_graph_ties_each_task_to_the_tasks_it_reads_and_to_no_other_surface(server, tmp_path, wait_for):
+    toys(["three", "four"], tmp_path)
+    expected = {f"number {n}": set() for n in ("three", "four")}
+    expected |= {f"double {n}": {f"number {n}"} for n in ("three", "four")}
+    expected |= {f"total {n}": {f"number {n}", f"double {n}"} for n in ("three", "four")}
+    wait_for(lambda: parents(server), expected)
+
+
+@pytest.mark.usefixtures("server")
+def test_a_failure_of_the_machine_is_retried(tmp_path, monkeypatch):
+    errors = [OSError("no space left")]
+
+    def log(_line):
+        if errors:
+            raise errors.pop()
+
+    monkeypatch.setattr("tests.flow.toys.log", log)
+    (outcome,) = toys(["three"], tmp_path)
+    assert outcome.failure == ""
 
 
 @pytest.mark.usefixtures("server")

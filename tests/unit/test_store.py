@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from drl_meshgen.store import ArtifactRef, DamagedArtifactError, Recipe, Store
-from drl_meshgen.store.objects import file_digest
+from drl_meshgen.store.canonical import file_digest
 
 SOURCE = "0" * 64
 

@@ -74,7 +74,7 @@ BASE = {
     "solve/__init__.py": "from pack.solve.newton import step\n",
     "solve/newton.py": "import math\n\ndef step():\n    from ..base import tolerance\n    return tolerance\n",
     "solve/weights.txt": "1 2 3",
-    "base.py": "import pack.cycle\ntolerance = 1e-7\n",
+    "base.py": "from pack import cycle\ntolerance = 1e-7\n",
     "cycle.py": "import pack.base\n",
 }
 

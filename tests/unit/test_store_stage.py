@@ -1,5 +1,8 @@
 """Chains of stages in this process, in memory and through a store."""
 
+from dataclasses import replace
+from functools import wraps
+
 import pytest
 
 from drl_meshgen.errors import InputError
@@ -108,3 +111,15 @@ def test_a_stage_listed_twice_is_refused():
 def test_an_unknown_target_is_refused():
     with pytest.raises(ValueError, match="no stage is called lift"):
         ancestors([NUMBER, DOUBLE, TOTAL], ["lift"])
+
+
+def test_the_text_of_a_stage_s_own_functions_belongs_to_its_source():
+    def other(inputs, _options):
+        return inputs["number"] * 3
+
+    @wraps(DOUBLE.run)
+    def timed(inputs, options):
+        return DOUBLE.run(inputs, options)
+
+    assert replace(DOUBLE, run=other).source != DOUBLE.source
+    assert replace(DOUBLE, run=timed).source == DOUBLE.source

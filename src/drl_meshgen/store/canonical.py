@@ -1,10 +1,11 @@
-"""One text for one value: what cache keys are made of."""
+"""One text for one value, and digests: what cache keys are made of."""
 
 import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
+from pathlib import Path
 
 import numpy as np
 
@@ -41,3 +42,9 @@ def canonical(value: object) -> str:
 def digest(value: object) -> str:
     """Return the SHA-256 of `canonical(value)` in hexadecimal."""
     return hashlib.sha256(canonical(value).encode()).hexdigest()
+
+
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file's content in hexadecimal."""
+    with path.open("rb") as handle:
+        return hashlib.file_digest(handle, "sha256").hexdigest()

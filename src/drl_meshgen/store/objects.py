@@ -1,18 +1,12 @@
 """Content-addressed files: the name is the SHA-256 of the content, so damage shows."""
 
 import errno
-import hashlib
 import os
 import shutil
 from pathlib import Path
 
+from drl_meshgen.store.canonical import file_digest
 from drl_meshgen.store.ref import checked_digest
-
-
-def file_digest(path: Path) -> str:
-    """Return the SHA-256 of a file's content in hexadecimal."""
-    with path.open("rb") as handle:
-        return hashlib.file_digest(handle, "sha256").hexdigest()
 
 
 def sync(path: Path) -> None:

@@ -3,8 +3,9 @@
 import ast
 import hashlib
 import importlib.metadata
+import inspect
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path
 
@@ -25,8 +26,11 @@ def _locate(root: Path, module: str) -> Path | None:
     return None
 
 
-def _imports(file: Path, module: str) -> Iterator[str]:
-    """Yield every dotted name that a source file imports; `from a import b` yields `a` and `a.b`."""
+def _imports(root: Path, file: Path, module: str) -> Iterator[str]:
+    """Yield every dotted name that a source file imports.
+
+    `from a import b` yields `a.b` where that is a module of the package, else `a`.
+    """
     package = module.split(".") if file.name == "__init__.py" else module.split(".")[:-1]
     for node in ast.walk(ast.parse(file.read_bytes(), str(file))):
         if isinstance(node, ast.Import):
@@ -34,8 +38,9 @@ def _imports(file: Path, module: str) -> Iterator[str]:
         elif isinstance(node, ast.ImportFrom):
             base = package[: len(package) - node.level + 1] if node.level else []
             name = ".".join([*base, *([node.module] if node.module else [])])
-            yield name
-            yield from (f"{name}.{alias.name}" for alias in node.names)
+            for alias in node.names:
+                member = f"{name}.{alias.name}"
+                yield member if _locate(root, member) is not None else name
 
 
 @lru_cache(maxsize=1024)
@@ -45,7 +50,7 @@ def _scan(root: Path, module: str) -> tuple[str, tuple[str, ...], tuple[str, ...
     if file is None:
         raise ValueError(f"{module} is not a module of {root.name}")
     inside, outside = set(), set()
-    for name in _imports(file, module):
+    for name in _imports(root, file, module):
         if name == root.name or name.startswith(f"{root.name}."):
             inside.add(name)
         else:
@@ -105,3 +110,12 @@ def source_digest(modules: tuple[str, ...], root: Path = PACKAGE) -> str:
         pending += inside
         versions.update({name: _version(name) for name in outside})
     return digest({"sources": sources, "versions": versions})
+
+
+@lru_cache(maxsize=256)
+def function_source(function: Callable[..., object]) -> str:
+    """Return the text of a function, without the decorators that `functools.wraps` reveals around it.
+
+    Raises OSError or TypeError where it has none (built-in, typed at a prompt).
+    """
+    return inspect.getsource(inspect.unwrap(function))

@@ -3,11 +3,13 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import wraps
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+from drl_meshgen.store.canonical import digest
 from drl_meshgen.store.ref import ArtifactRef, Recipe
-from drl_meshgen.store.source import source_digest
+from drl_meshgen.store.source import function_source, source_digest
 from drl_meshgen.store.store import Store
 
 O = TypeVar("O")
@@ -31,7 +33,7 @@ class Stage(Generic[O, R]):
     version: int
     """Raised by hand where the result changes for a reason the source does not show."""
     modules: tuple[str, ...]
-    """Modules and packages of drl_meshgen that compute, write and read the result; what they import follows."""
+    """Modules and packages of drl_meshgen that `run`, `write` and `read` call; what they import follows."""
     inputs: tuple[str, ...]
     """Names of the stages whose results `run` receives."""
     options: type[O]
@@ -48,7 +50,16 @@ class Stage(Generic[O, R]):
     def recipe(self, refs: Mapping[str, ArtifactRef], options: O) -> Recipe:
         """Return what the result depends on, given (at least) the artifacts of the stages in `inputs`."""
         upstream = {name: refs[name] for name in self.inputs}
-        return Recipe.of(self.name, self.version, source_digest(self.modules), upstream, self.identity(options))
+        return Recipe.of(self.name, self.version, self.source, upstream, self.identity(options))
+
+    @property
+    def source(self) -> str:
+        """Digest of the code: `modules` with what they import, and the text of the stage's own functions.
+
+        So the module that lists the stages need not be among `modules` (it imports everything).
+        """
+        functions = [function_source(function) for function in (self.run, self.write, self.read)]
+        return digest([source_digest(self.modules), *functions])
 
 
 @dataclass(frozen=True)
@@ -186,6 +197,7 @@ def execute(
 def _remembering(stage: Stage[Any, R], results: dict[str, Any]) -> Callable[[Mapping[str, Any], Any], R]:
     """Wrap a stage's function so that its result also stays in memory for the stages that follow."""
 
+    @wraps(stage.run)
     def run(inputs: Mapping[str, Any], options: Any) -> R:
         result = stage.run(inputs, options)
         results[stage.name] = result
