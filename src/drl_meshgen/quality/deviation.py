@@ -64,40 +64,48 @@ def _curve_distance(
     return np.linalg.norm(closest - queries[:, None], axis=2).min(axis=1)
 
 
-def boundary_distances(mesh: QuadMesh, surface: TriMesh) -> tuple[np.ndarray, np.ndarray]:
-    """Return the distances mesh boundary -> surface boundary and back, sampled each 1/2000 of the diagonal."""
-    p, q = (mesh.points[mesh.topology.boundary_edges[:, k]] for k in range(2))
+def boundary_distances(
+    points: Float[np.ndarray, "n 3"], rim: Int[np.ndarray, "b 2"], surface: TriMesh
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the distances from boundary edges to the surface's boundary and back, each 1/2000 of the diagonal."""
+    p, q = (points[rim[:, k]] for k in range(2))
     r, s = (surface.vertices[surface.topology.boundary_edges[:, k]] for k in range(2))
     step = surface.diagonal / 2000
     mine, theirs = _along(p, q, step), _along(r, s, step)
     return _curve_distance(mine[0], r, s, theirs), _curve_distance(theirs[0], p, q, mine)
 
 
-def boundary_mse(mesh: QuadMesh, surface: TriMesh) -> tuple[float, float]:
+def boundary_mse(
+    points: Float[np.ndarray, "n 3"], rim: Int[np.ndarray, "b 2"], surface: TriMesh
+) -> tuple[float, float]:
     """Return eq. 14's mean squared distance of surface boundary vertices to mesh boundary nodes, and exp(-MSE / h^2).
 
     `h` is the mean spacing of the mesh's boundary nodes. The first is relative to the squared diagonal. Both are NaN
     where either has no boundary.
     """
-    edges, rim = mesh.topology.boundary_edges, surface.topology.on_boundary
-    if not len(edges) or not rim.any():
+    on_boundary = surface.topology.on_boundary
+    if not len(rim) or not on_boundary.any():
         return np.nan, np.nan
-    mse = float((KDTree(mesh.points[edges[:, 0]]).query(surface.vertices[rim])[0] ** 2).mean())
-    spacing = float(np.linalg.norm(mesh.points[edges[:, 1]] - mesh.points[edges[:, 0]], axis=1).mean())
+    ends = points[rim]
+    mse = float((KDTree(ends[:, 0]).query(surface.vertices[on_boundary])[0] ** 2).mean())
+    spacing = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean())
     return mse / surface.diagonal**2, float(np.exp(-mse / spacing**2))
 
 
 def deviation(
     mesh: QuadMesh,
     surface: TriMesh,
+    rim: Int[np.ndarray, "b 2"],
     search: TriangleSearch | None = None,
     triangles: Int[np.ndarray, "t 3"] | None = None,
+    *,
     samples: int = 16000,
 ) -> Deviation:
     """Return Hausdorff and RMS distances between mesh and surface and between their boundaries.
 
-    `search` is a search structure of the surface, if there is one already; `triangles` are faces of a mixed mesh
-    beside its quads. Each side is sampled at its nodes (largest distance) and `samples` points spread by area.
+    `rim` are the boundary edges of the mesh. `search` is a search structure of the surface, if there is one already;
+    `triangles` are faces of a mixed mesh beside its quads. Each side is sampled at its nodes (largest distance) and
+    `samples` points spread by area.
     """
     search = search or TriangleSearch(surface.corners)
     faces = as_triangles(mesh) if triangles is None else np.concatenate([as_triangles(mesh), triangles])
@@ -106,15 +114,15 @@ def deviation(
     there = search(area_samples(mine, samples))[0]
     back = TriangleSearch(mine)(area_samples(surface.corners, samples))[0]
     d = surface.diagonal
-    rim = rim_rms = np.nan
-    if len(mesh.topology.boundary_edges) and len(surface.topology.boundary_edges):
-        out, home = boundary_distances(mesh, surface)
-        rim = max(out.max(), home.max()) / d
-        rim_rms = np.sqrt(((out**2).mean() + (home**2).mean()) / 2) / d
+    boundary = boundary_rms = np.nan
+    if len(rim) and len(surface.topology.boundary_edges):
+        out, home = boundary_distances(mesh.points, rim, surface)
+        boundary = max(out.max(), home.max()) / d
+        boundary_rms = np.sqrt(((out**2).mean() + (home**2).mean()) / 2) / d
     return Deviation(
         surface=float(max(nodes.max(), there.max(), back.max()) / d),
         surface_rms=float(np.sqrt(((there**2).mean() + (back**2).mean()) / 2) / d),
         nodes=float(nodes.max() / d),
-        boundary=float(rim),
-        boundary_rms=float(rim_rms),
+        boundary=float(boundary),
+        boundary_rms=float(boundary_rms),
     )

@@ -9,8 +9,9 @@ from drl_meshgen.mesh import QuadMesh, TriMesh
 from drl_meshgen.quality.base_complex import base_complex, straight_pairs
 from drl_meshgen.quality.closest import TriangleSearch
 from drl_meshgen.quality.deviation import boundary_mse, deviation
+from drl_meshgen.quality.mixed import MixedTopology, Outline
 from drl_meshgen.quality.shape import QuadShape, own_normals
-from drl_meshgen.quality.structure import boundary_loops, structural_defects
+from drl_meshgen.quality.structure import boundary_loops, structural_defects, topology_defects
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,30 +71,32 @@ def measure(
 
     Definitions are those of the documentation's table of metrics. With a `surface`, normals come from it, topology is
     compared with it and, unless switched off, distances to it are measured (fractions of its bounding-box diagonal).
-    `block` names the block of each quad. `triangles` are the faces a mixed mesh has beside its quads; they count in the
-    deviation and in `non_quads` only.
+    `block` names the block of each quad. `triangles` are the faces a mixed mesh has beside its quads: shape is that of
+    the quads, everything about topology and distance is that of the mixed mesh.
     """
     t = mesh.topology
-    corners = mesh.points[mesh.quads]
+    mixed = triangles is not None and len(triangles) > 0
+    outline: Outline = MixedTopology(len(mesh.points), mesh.quads, triangles) if mixed else t
     search = None if surface is None else TriangleSearch(surface.corners)
-    defects = list(structural_defects(mesh, surface, block))
-    normals = own_normals(corners)
+    defects = [f"{len(triangles)} faces are triangles"] if mixed else list(structural_defects(mesh, block))
+    normals = own_normals(mesh.points[mesh.quads])
     if surface is not None and search is not None:
+        defects += topology_defects(outline, surface)
         normals, against = surface_normals(mesh, search, surface)
         if against:
             defects.append("wound against the surface")
-    shape = QuadShape(corners, normals)
+    shape = QuadShape(mesh.points[mesh.quads], normals)
     invalid = int((~shape.valid).sum())
     if invalid:
         defects.append(f"{invalid} quads with a Jacobian that is not positive")
     manifold = not (t.edge_count > 2).any() and not len(t.misoriented_edges)
     smoothness, edge_ratio = _line_smoothness(mesh) if manifold else (np.nan, np.nan)
-    extra = 0 if triangles is None else len(triangles)
+    extra = len(triangles) if mixed else 0
     metrics = {
         "quads": len(mesh.quads),
-        "nodes": int(t.used.sum()),
-        "irregular": int(mesh.irregular.sum()),
-        "blocks": int(base_complex(mesh).max()) + 1 if manifold else np.nan,
+        "nodes": outline.used.sum(),
+        "irregular": (outline.used & ~outline.on_boundary & (outline.valence != 4)).sum(),
+        "blocks": base_complex(mesh).max() + 1 if manifold and not mixed else np.nan,
         "named_blocks": np.nan if block is None else len(np.unique(block)),
         "validity": shape.valid.mean(),
         "min_angle": shape.min_angle.min(),
@@ -109,14 +112,14 @@ def measure(
         "smoothness": smoothness,
         "edge_ratio": edge_ratio,
         "non_quads": extra / (len(mesh.quads) + extra),
-        "components": t.components[0],
-        "loops": boundary_loops(t),
-        "euler": t.euler,
+        "components": outline.components[0],
+        "loops": boundary_loops(outline),
+        "euler": outline.euler,
     }
     if surface is not None:
-        metrics["boundary_mse"], metrics["boundary_fit"] = boundary_mse(mesh, surface)
+        metrics["boundary_mse"], metrics["boundary_fit"] = boundary_mse(mesh.points, outline.boundary_edges, surface)
         if with_deviation:
-            d = deviation(mesh, surface, search, triangles)
+            d = deviation(mesh, surface, outline.boundary_edges, search, triangles)
             metrics |= {
                 "surface_deviation": d.surface,
                 "surface_deviation_rms": d.surface_rms,
@@ -125,3 +128,16 @@ def measure(
                 "boundary_deviation_rms": d.boundary_rms,
             }
     return Quality({name: float(value) for name, value in metrics.items()}, shape, tuple(defects))
+
+
+def quality_row(
+    method: str, quality: Quality | None, seconds: float = np.nan, *, ok: bool = True, cause: str = ""
+) -> dict[str, str | float | bool]:
+    """Return one row of the quality table: method, ok, cause, seconds, defects, then every metric.
+
+    A method that gave no mesh has `quality` None and no metrics in its row.
+    """
+    head: dict[str, str | float | bool] = {"method": method, "ok": ok, "cause": cause, "seconds": float(seconds)}
+    if quality is None:
+        return head | {"defects": ""}
+    return head | {"defects": "; ".join(quality.defects)} | quality.metrics

@@ -6,9 +6,10 @@ from jaxtyping import Int
 from drl_meshgen.mesh import QuadMesh, TriMesh
 from drl_meshgen.mesh.topology import Topology
 from drl_meshgen.quality.base_complex import components
+from drl_meshgen.quality.mixed import Outline
 
 
-def boundary_loops(topology: Topology) -> int:
+def boundary_loops(topology: Outline) -> int:
     """Return the number of connected pieces of the boundary (also where it is not a simple curve)."""
     ids, local = np.unique(topology.boundary_edges, return_inverse=True)
     return len(np.unique(components(len(ids), local.reshape(-1, 2))))
@@ -57,9 +58,21 @@ def unstructured_blocks(mesh: QuadMesh, block: Int[np.ndarray, " m"]) -> Int[np.
     return ids[~(grid & (per_block(owner[t.on_boundary & (faces_at == 1)]) == 4))]
 
 
-def structural_defects(
-    mesh: QuadMesh, surface: TriMesh | None = None, block: Int[np.ndarray, " m"] | None = None
-) -> tuple[str, ...]:
+def topology_defects(outline: Outline, surface: TriMesh) -> tuple[str, ...]:
+    """Return how components, boundary loops and Euler characteristic differ from those of the surface."""
+    s = surface.topology
+    return tuple(
+        f"{name}: mesh {mine}, surface {theirs}"
+        for name, mine, theirs in (
+            ("components", outline.components[0], s.components[0]),
+            ("loops", boundary_loops(outline), boundary_loops(s)),
+            ("Euler characteristic", outline.euler, s.euler),
+        )
+        if mine != theirs
+    )
+
+
+def structural_defects(mesh: QuadMesh, block: Int[np.ndarray, " m"] | None = None) -> tuple[str, ...]:
     """Return one sentence per kind of defect; empty for a sound mesh. Validity is not looked at here."""
     t = mesh.topology
     defects = []
@@ -75,13 +88,4 @@ def structural_defects(
         bad = unstructured_blocks(mesh, block)
         if len(bad):
             defects.append(f"{len(bad)} blocks are not i x j grids: {bad[:8].tolist()}")
-    if surface is not None:
-        s = surface.topology
-        for name, mine, theirs in (
-            ("components", t.components[0], s.components[0]),
-            ("loops", boundary_loops(t), boundary_loops(s)),
-            ("Euler characteristic", t.euler, s.euler),
-        ):
-            if mine != theirs:
-                defects.append(f"{name}: mesh {mine}, surface {theirs}")
     return tuple(defects)
