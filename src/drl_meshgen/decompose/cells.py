@@ -72,7 +72,14 @@ def ring_between(
 def cells(
     mesh: TriMesh, graph: Spine, loops: tuple[Int[np.ndarray, " n"], ...]
 ) -> tuple[Cell, ...] | None:
-    """One cell per loop, in the order of `loops` (vertex ids of `mesh`); None when the complement is not rings."""
+    """One cell per loop, in the order of `loops` (vertex ids of `mesh`).
+
+    None when the spine runs into a loop or leaves anything but rings.
+    """
+    on_loop = np.zeros(len(mesh.vertices), bool)
+    on_loop[np.concatenate(loops)] = True
+    if not len(graph.nodes) or on_loop[np.concatenate(graph.paths)].any():
+        return None
     classes = corner_classes(mesh.topology, graph.edge_flags)
     first = np.unique(classes, return_index=True)[1]
     opened = Topology(int(classes.max()) + 1, classes)

@@ -15,6 +15,10 @@ from drl_meshgen.partition import Partition, RegionKind
 from drl_meshgen.partition.cutting import midpoint_refined
 
 
+#: A junction is refined once before it is opened, and again where its spine still runs into a loop.
+MOST_REFINEMENTS = 3
+
+
 class PieceOutcome(Enum):
     """Verdicts of the decomposition of regions."""
 
@@ -112,19 +116,21 @@ def _cap(curve: int, mesh: TriMesh, ids: np.ndarray) -> Cap:
 def _junction(
     partition: Partition, mesh: TriMesh, ids: np.ndarray, curves: tuple[int, ...], exponent: float, r: int
 ) -> Junction:
-    fine, _ = midpoint_refined(mesh, np.arange(len(mesh.triangles)))
     on_curve = {c: set(partition.curves[c].vertices.tolist()) for c in curves}
-    loops = []
-    for c in curves:
-        loops.append(next(loop for loop in fine.topology.loops if int(_old(loop, ids)[0]) in on_curve[c]))
-    graph = spine(fine, loop_distance(fine, tuple(loops), exponent=exponent))
-    found = cells(fine, graph, tuple(loops))
-    if found is None:
-        raise StageError("decompose", PieceOutcome.NO_RINGS, f"region {r} with {len(curves)} loops")
-    known = np.full(len(fine.vertices), -1)
-    known[: len(ids)] = ids
-    placed = tuple(replace(cell, ring=replace(cell.ring, origin=known[cell.ring.origin])) for cell in found)
-    return Junction(fine.vertices, graph, curves, placed)
+    fine = mesh
+    for _ in range(MOST_REFINEMENTS):
+        fine = midpoint_refined(fine)
+        loops = tuple(
+            next(loop for loop in fine.topology.loops if int(_old(loop, ids)[0]) in on_curve[c]) for c in curves
+        )
+        graph = spine(fine, loop_distance(fine, loops, exponent=exponent))
+        found = cells(fine, graph, loops)
+        if found is not None:
+            known = np.full(len(fine.vertices), -1)
+            known[: len(ids)] = ids
+            placed = tuple(replace(cell, ring=replace(cell.ring, origin=known[cell.ring.origin])) for cell in found)
+            return Junction(fine.vertices, graph, curves, placed)
+    raise StageError("decompose", PieceOutcome.NO_RINGS, f"region {r} with {len(curves)} loops")
 
 
 def _old(loop: np.ndarray, ids: np.ndarray) -> np.ndarray:

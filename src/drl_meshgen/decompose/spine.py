@@ -52,7 +52,9 @@ def loop_distance(
     w = np.maximum(factorised((diags(mass) + scale**2 * matrix).tocsc()).solve(source), 1e-300)
     level = np.array([np.exp(np.log(w[loop, n]).mean()) for n, loop in enumerate(loops)])
     distance = -scale * np.log(w / level) / (lengths / lengths.max()) ** exponent
-    return distance.min(1)
+    distance = distance.min(1)
+    distance[np.concatenate(loops)] = distance.min() - 2 * np.ptp(distance)  # what touches a loop is collapsed first
+    return distance
 
 
 def loop_length(mesh: TriMesh, loop: np.ndarray) -> float:

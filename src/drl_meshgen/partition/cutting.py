@@ -72,7 +72,7 @@ def cut(surface: CutSurface, inside: np.ndarray, level: float, contour: int) -> 
     )
 
 
-def midpoint_refined(mesh: TriMesh, parent: Int[np.ndarray, " f"]) -> tuple[TriMesh, Int[np.ndarray, " f"]]:
+def midpoint_refined(mesh: TriMesh) -> TriMesh:
     """Split every triangle in four at its edge midpoints; old vertices keep their ids."""
     topology: Topology = mesh.topology
     middle = mesh.vertices[topology.edges].mean(1)
@@ -87,4 +87,4 @@ def midpoint_refined(mesh: TriMesh, parent: Int[np.ndarray, " f"]) -> tuple[TriM
         ],
         axis=1,
     )
-    return TriMesh(np.vstack([mesh.vertices, middle]), fine.reshape(-1, 3)), np.repeat(parent, 4)
+    return TriMesh(np.vstack([mesh.vertices, middle]), fine.reshape(-1, 3))

@@ -101,6 +101,8 @@ def choose_levels(
             else:
                 levels.append(level(root, "limb and cap"))
         elif arc.lower < 0:
+            if arc.high - arc.low < options.min_tube:
+                continue
             below = level(near_saddle(arc.high, -1.0), "bottleneck")
             if below.length <= options.bottleneck * boundary and len(surface.topology.loops) == 1:
                 levels.append(below)
