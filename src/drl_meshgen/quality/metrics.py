@@ -75,10 +75,10 @@ def measure(
     the quads, everything about topology and distance is that of the mixed mesh.
     """
     t = mesh.topology
-    mixed = triangles is not None and len(triangles) > 0
-    outline: Outline = MixedTopology(len(mesh.points), mesh.quads, triangles) if mixed else t
+    extra = 0 if triangles is None else len(triangles)
+    outline: Outline = MixedTopology(len(mesh.points), mesh.quads, triangles) if triangles is not None and extra else t
     search = None if surface is None else TriangleSearch(surface.corners)
-    defects = [f"{len(triangles)} faces are triangles"] if mixed else list(structural_defects(mesh, block))
+    defects = [f"{extra} faces are triangles"] if extra else list(structural_defects(mesh, block))
     normals = own_normals(mesh.points[mesh.quads])
     if surface is not None and search is not None:
         defects += topology_defects(outline, surface)
@@ -91,12 +91,11 @@ def measure(
         defects.append(f"{invalid} quads with a Jacobian that is not positive")
     manifold = not (t.edge_count > 2).any() and not len(t.misoriented_edges)
     smoothness, edge_ratio = _line_smoothness(mesh) if manifold else (np.nan, np.nan)
-    extra = len(triangles) if mixed else 0
     metrics = {
         "quads": len(mesh.quads),
         "nodes": outline.used.sum(),
         "irregular": (outline.used & ~outline.on_boundary & (outline.valence != 4)).sum(),
-        "blocks": base_complex(mesh).max() + 1 if manifold and not mixed else np.nan,
+        "blocks": base_complex(mesh).max() + 1 if manifold and not extra else np.nan,
         "named_blocks": np.nan if block is None else len(np.unique(block)),
         "validity": shape.valid.mean(),
         "min_angle": shape.min_angle.min(),

@@ -1,0 +1,185 @@
+"""Running one rival: a process of its own with a time limit, tuned to the wanted number of quads."""
+
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Int
+
+from drl_meshgen.mesh import QuadMesh, TriMesh
+from drl_meshgen.quality.closest import TriangleSearch
+from drl_meshgen.quality.deviation import area_samples, as_triangles
+from drl_meshgen.quality.structure import boundary_loops
+
+
+class Method(Enum):
+    """What Gmsh is asked for. The value is its name in tables."""
+
+    QUASI_STRUCTURED = "Gmsh quasi-structured"
+    BLOSSOM = "Gmsh blossom"
+    BLOSSOM_SUBDIVIDED = "Gmsh blossom, subdivided"
+    TRANSFINITE = "Gmsh transfinite"
+
+    @property
+    def key(self) -> str:
+        """Short name, fit for file names."""
+        return self.name.lower().replace("_", "-")
+
+
+class RivalOutcome(Enum):
+    """How a rival's run ended. The value is the sentence for the table."""
+
+    MESHED = "meshed the whole surface"
+    INCOMPLETE = "part of the surface is missing from the mesh"
+    EMPTY = "made no quad"
+    CRASHED = "stopped with an error"
+    TIMED_OUT = "ran out of time"
+    NOT_APPLICABLE = "needs a surface with one boundary loop and no handle"
+
+
+@dataclass(frozen=True)
+class RivalOptions:
+    """How rivals are run."""
+
+    timeout: float = 120.0
+    """Time limit of one attempt, seconds."""
+    corrections: int = 2
+    """How often the size may be corrected to come closer to the wanted number of quads."""
+    tolerance: float = 0.1
+    """A count within this share of the wanted one is close enough."""
+    missing: float = 0.05
+    """A surface point farther than this from the mesh counts as missing, in bounding-box diagonals."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """What a rival made of a surface."""
+
+    method: Method
+    outcome: RivalOutcome
+    detail: str = ""
+    """What Gmsh said last, or the figure behind the outcome."""
+    seconds: float = np.nan
+    """Wall time from surface to mesh inside Gmsh, of the run whose mesh this is."""
+    mesh: QuadMesh | None = None
+    triangles: Int[np.ndarray, "t 3"] | None = None
+    """Faces that are not quads."""
+
+
+# Quads made per square of the target edge length, measured on a hemisphere; the first guess of the size.
+_QUADS_PER_SQUARE = {Method.QUASI_STRUCTURED: 4.2, Method.BLOSSOM_SUBDIVIDED: 4.2}
+
+
+def _four_sides(surface: TriMesh, loop: Int[np.ndarray, " n"]) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " 4"]]:
+    """Cut the loop in four: at its four sharp corners if it has just these, else in quarters of its length.
+
+    Returns the loop, started at a corner, and the positions of the corners in it.
+    """
+    p = surface.vertices[loop]
+    ahead, behind = np.roll(p, -1, axis=0) - p, np.roll(p, 1, axis=0) - p
+    length = np.linalg.norm(ahead, axis=1)
+    cosine = np.einsum("ij,ij->i", ahead, behind) / np.maximum(length * np.roll(length, 1), np.finfo(float).tiny)
+    sharp = np.nonzero(cosine > np.cos(np.radians(135)))[0]
+    if len(sharp) == 4:
+        return np.roll(loop, -sharp[0]), sharp - sharp[0]
+    position = np.cumsum(length) - length
+    return loop, np.abs(position - np.arange(4)[:, None] / 4 * length.sum()).argmin(axis=1)
+
+
+def _attempt(surface: TriMesh, method: Method, size: float, timeout: float, *, split: bool) -> Rival:
+    loop, corners = np.zeros(0, np.int64), np.zeros(4, np.int64)
+    if method is Method.TRANSFINITE:
+        loop, corners = _four_sides(surface, surface.topology.loops[0])
+    with tempfile.TemporaryDirectory() as folder:
+        job, out = Path(folder, "job.npz"), Path(folder, "out.npz")
+        np.savez(
+            job,
+            vertices=surface.vertices,
+            triangles=surface.triangles,
+            loop=loop,
+            corners=corners,
+            method=method.key,
+            size=size,
+            split=split,
+        )
+        command = [sys.executable, "-m", "drl_meshgen.baselines.gmsh_worker", str(job), str(out)]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)  # noqa: S603
+        except subprocess.TimeoutExpired:
+            return Rival(method, RivalOutcome.TIMED_OUT, f"limit {timeout:g} s")
+        if done.returncode or not out.is_file():
+            said = (done.stderr.strip().splitlines() or [""])[-1]
+            return Rival(method, RivalOutcome.CRASHED, said or f"exit status {done.returncode}")
+        with np.load(out) as made:
+            mesh = QuadMesh(made["points"], made["quads"])
+            triangles, seconds = made["triangles"], float(made["seconds"])
+    if not len(mesh.quads):
+        return Rival(method, RivalOutcome.EMPTY, seconds=seconds)
+    return Rival(method, RivalOutcome.MESHED, seconds=seconds, mesh=_oriented(mesh, surface), triangles=triangles)
+
+
+def _oriented(mesh: QuadMesh, surface: TriMesh) -> QuadMesh:
+    """Return the mesh wound as the surface is."""
+    corners = mesh.points[mesh.quads]
+    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    under = surface.normals[TriangleSearch(surface.corners)(corners.mean(axis=1))[1]]
+    against = np.median(np.einsum("ij,ij->i", normals, under)) < 0
+    return QuadMesh(mesh.points, mesh.quads[:, ::-1]) if against else mesh
+
+
+def _checked(rival: Rival, surface: TriMesh, missing: float) -> Rival:
+    """Turn a mesh that leaves out part of the surface into `INCOMPLETE`; the mesh stays for the pictures."""
+    if rival.mesh is None or rival.triangles is None:
+        return rival
+    faces = np.concatenate([as_triangles(rival.mesh), rival.triangles])
+    far = TriangleSearch(rival.mesh.points[faces])(area_samples(surface.corners, 4000))[0].max() / surface.diagonal
+    if far <= missing:
+        return rival
+    detail = f"{far:.2f} diagonals from the mesh at worst"
+    return Rival(rival.method, RivalOutcome.INCOMPLETE, detail, rival.seconds, rival.mesh, rival.triangles)
+
+
+def run_rival(surface: TriMesh, method: Method, target_quads: int, options: RivalOptions | None = None) -> Rival:
+    """Mesh the surface with one of Gmsh's methods at about `target_quads` quads.
+
+    The surface is given to Gmsh as one patch first and, where that fails, cut in patches by Gmsh itself. Nothing is
+    raised for a rival's failure: it is the outcome. The run nearest to the wanted count among those that ended well is
+    returned.
+    """
+    options = options or RivalOptions()
+    t = surface.topology
+    if method is Method.TRANSFINITE and (t.euler != 1 or boundary_loops(t) != 1):
+        return Rival(method, RivalOutcome.NOT_APPLICABLE)
+    size = np.sqrt(surface.area / target_quads * _QUADS_PER_SQUARE.get(method, 1.0))
+    best = Rival(method, RivalOutcome.EMPTY)
+    for split in (False, True):
+        best = _checked(_attempt(surface, method, size, options.timeout, split=split), surface, options.missing)
+        if best.outcome is RivalOutcome.MESHED or method is Method.TRANSFINITE:
+            return _tuned(surface, best, size, target_quads, options, split=split)
+    return best
+
+
+def _tuned(
+    surface: TriMesh, best: Rival, size: float, target_quads: int, options: RivalOptions, *, split: bool
+) -> Rival:
+    """Correct the size until the count fits; keep the nearest run that is as whole as the first."""
+    if best.mesh is None:
+        return best
+    count = len(best.mesh.quads)
+    nearest = count
+    for _ in range(options.corrections):
+        if abs(count / target_quads - 1) <= options.tolerance:
+            break
+        size *= np.sqrt(count / target_quads)
+        latest = _attempt(surface, best.method, size, options.timeout, split=split)
+        latest = _checked(latest, surface, options.missing)
+        if latest.outcome is not best.outcome or latest.mesh is None:
+            break
+        count = len(latest.mesh.quads)
+        if abs(np.log(count / target_quads)) < abs(np.log(nearest / target_quads)):
+            best, nearest = latest, count
+    return best
