@@ -89,6 +89,8 @@ class RicciResult:
     """One row per Newton step: step, error, step_length, cg_iterations, flips, refactored, broken, total_curvature."""
     outcome: Outcome
     """Verdict."""
+    surface: TriMesh
+    """The surface that all of this is about."""
 
     @property
     def error(self) -> float:
@@ -265,5 +267,5 @@ def _result(
     t = state.triangulation
     flat = FlatTriangulation(t.faces, np.exp(t.scaled(state.u)), t.glue)
     return RicciResult(
-        state.u, state.curvature, goal, distortion(surface, state.u), flat, pd.DataFrame(history), outcome
+        state.u, state.curvature, goal, distortion(surface, state.u), flat, pd.DataFrame(history), outcome, surface
     )

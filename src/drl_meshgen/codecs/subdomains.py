@@ -1,0 +1,73 @@
+"""Files of the subdomain stage.
+
+`nodes.vtu`: nodes and quads of every piece in its own chart, as (x, y, 0), with the point array `piece` (rings, then
+caps). `rings.parquet`, `caps.parquet`: how their nodes meet the curves. `templates.parquet`: template and parameters of
+each cap.
+"""
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from drl_meshgen.assembly import CapFill, RingFill, Subdomains
+from drl_meshgen.codecs.files import Codec, integers, read_grid, read_rows, write_blocks, write_rows
+from drl_meshgen.export import read_table, write_table
+
+
+def write(result: Subdomains, folder: Path) -> None:
+    """Write the nodes of all pieces."""
+    rings, caps = result.rings, result.caps
+    charts = [*(ring.chart.reshape(-1, 2) for ring in rings), *(cap.chart for cap in caps)]
+    sizes = [len(chart) for chart in charts]
+    offsets = np.cumsum([0, *sizes[:-1]]).tolist()
+    grids = [
+        start + np.arange(ring.chart.shape[0] * ring.chart.shape[1]).reshape(ring.chart.shape[:2])
+        for ring, start in zip(rings, offsets, strict=False)
+    ]
+    for cap, start in zip(caps, offsets[len(rings) :], strict=True):
+        layers = np.arange(len(cap.first) * (cap.layers + 1)).reshape(-1, len(cap.first))
+        grids += [start + np.c_[layers, layers[:, 0]], start + cap.core]
+    piece = np.repeat(np.arange(len(charts)), sizes)
+    write_blocks(folder / "nodes.vtu", np.concatenate(charts), grids, {"piece": piece})
+    write_rows(
+        folder / "rings.parquet",
+        columns=[ring.chart.shape[1] for ring in rings],
+        first=[ring.first for ring in rings],
+        last=[ring.last for ring in rings],
+    )
+    write_rows(
+        folder / "caps.parquet",
+        layers=[cap.layers for cap in caps],
+        corners=[cap.corners for cap in caps],
+        first=[cap.first for cap in caps],
+        core=[cap.core.ravel() for cap in caps],
+        core_columns=[cap.core.shape[1] for cap in caps],
+    )
+    write_table(folder / "templates.parquet", result.templates)
+
+
+def read(folder: Path) -> Subdomains:
+    """Read the nodes of all pieces."""
+    grid = read_grid(folder / "nodes.vtu")
+    ring_rows, cap_rows = read_rows(folder / "rings.parquet"), read_rows(folder / "caps.parquet")
+    start = np.searchsorted(grid.point["piece"], np.arange(len(ring_rows) + len(cap_rows) + 1))
+    charts = [np.ascontiguousarray(grid.points[a:b, :2]) for a, b in pairwise(start)]
+    rings = [
+        RingFill(chart.reshape(-1, row.columns, 2), integers(row.first), integers(row.last))
+        for row, chart in zip(ring_rows, charts, strict=False)
+    ]
+    caps = [
+        CapFill(
+            chart,
+            integers(row.first),
+            integers(row.core).reshape(-1, row.core_columns),
+            tuple(integers(row.corners).tolist()),
+            row.layers,
+        )
+        for row, chart in zip(cap_rows, charts[len(ring_rows) :], strict=True)
+    ]
+    return Subdomains(tuple(rings), tuple(caps), read_table(folder / "templates.parquet"))
+
+
+SUBDOMAINS = Codec(write, read, __name__)

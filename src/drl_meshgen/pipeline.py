@@ -1,0 +1,196 @@
+"""The pipeline: every stage from a surface to its block-structured mesh, in order.
+
+`STAGES` is the one list that the library call, the command line and the Prefect flow run.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from drl_meshgen import codecs
+from drl_meshgen.assembly import assemble, fill
+from drl_meshgen.cleanup import CleanupOptions, clean
+from drl_meshgen.decompose import DecomposeOptions, decompose
+from drl_meshgen.lift.inverse import LiftedMesh, inverse_map
+from drl_meshgen.mesh import BlockMesh, TriMesh
+from drl_meshgen.models import MODELS, RawSurface, load
+from drl_meshgen.partition import PartitionOptions, partition
+from drl_meshgen.quality import Quality, measure
+from drl_meshgen.ricci import RicciOptions, solve
+from drl_meshgen.smoothing import SmoothingOptions, optimise
+from drl_meshgen.smoothing.final import FinalMesh
+from drl_meshgen.store import Execution, Progress, Stage, Store, execute
+from drl_meshgen.store.canonical import file_digest
+
+
+@dataclass(frozen=True)
+class ModelOptions:
+    """Which surface is meshed."""
+
+    source: str = ""
+    """Name of a generated model or path of a file."""
+    triangles: int = 25_000
+    """Size of a generated model (count); files are taken as they are."""
+
+
+@dataclass(frozen=True)
+class NoOptions:
+    """A stage without choices."""
+
+
+@dataclass(frozen=True)
+class MeshOptions:
+    """All options of a run; each field belongs to the stage of its name."""
+
+    cleanup: CleanupOptions = field(default_factory=CleanupOptions)
+    ricci: RicciOptions = field(default_factory=RicciOptions)
+    partition: PartitionOptions = field(default_factory=PartitionOptions)
+    decompose: DecomposeOptions = field(default_factory=DecomposeOptions)
+    smoothing: SmoothingOptions = field(default_factory=SmoothingOptions)
+
+    def sized(self, target_quads: int | None = None, target_edge: float | None = None) -> "MeshOptions":
+        """Return these options with another size of the mesh; None leaves it as it is."""
+        size = {"target_quads": target_quads, "target_edge": target_edge}
+        given = {name: value for name, value in size.items() if value is not None}
+        return replace(self, decompose=replace(self.decompose, **given))
+
+    def by_stage(self, source: str, triangles: int = ModelOptions.triangles) -> dict[str, object]:
+        """Options of every stage that has any, for a run on `source`."""
+        return {
+            "model": ModelOptions(source, triangles),
+            "cleanup": self.cleanup,
+            "ricci": self.ricci,
+            "partition": self.partition,
+            "decompose": self.decompose,
+            "smoothing": self.smoothing,
+        }
+
+
+def _one_thread(run: Callable[[Mapping[str, Any], Any], Any]) -> Callable[[Mapping[str, Any], Any], Any]:
+    """Run with single-threaded BLAS: sums in one order, so the same input gives the same bytes; small solves fly."""
+
+    @wraps(run)
+    def limited(inputs: Mapping[str, Any], options: Any) -> Any:
+        with threadpool_limits(1):
+            return run(inputs, options)
+
+    return limited
+
+
+def _model_identity(options: ModelOptions) -> object:
+    if options.source in MODELS:
+        return options
+    path = Path(options.source)
+    return {"name": path.name, "content": file_digest(path)}
+
+
+def _read_model(_inputs: Mapping[str, Any], options: ModelOptions) -> RawSurface:
+    """Build a model by name or read a surface from a file."""
+    return load(options.source, options.triangles)
+
+
+def _cleanup(inputs: Mapping[str, Any], options: CleanupOptions) -> Any:
+    """Make one oriented manifold surface and list what was changed."""
+    return clean(inputs["model"], options)
+
+
+def _ricci(inputs: Mapping[str, Any], options: RicciOptions) -> Any:
+    """Find the flat metric in the surface's conformal class by Newton's method on the discrete Ricci energy."""
+    return solve(inputs["cleanup"].surface, options)
+
+
+def _partition(inputs: Mapping[str, Any], options: PartitionOptions) -> Any:
+    """Cut the surface along isocontours of the depth into caps, tubes and junctions."""
+    return partition(inputs["cleanup"].surface, inputs["ricci"].u, options)
+
+
+def _decompose(inputs: Mapping[str, Any], options: DecomposeOptions) -> Any:
+    """Open junctions along their spines, chart every piece and solve the node counts."""
+    return decompose(inputs["partition"], options)
+
+
+def _subdomain(inputs: Mapping[str, Any], _options: NoOptions) -> Any:
+    """Place the nodes of every piece in its chart; caps by the O-type template."""
+    return fill(inputs["partition"], inputs["decompose"])
+
+
+def _assembly(inputs: Mapping[str, Any], _options: NoOptions) -> Any:
+    """Weld the pieces by node ids and cut them into structured blocks."""
+    return assemble(inputs["decompose"], inputs["subdomain"])
+
+
+def _lift(inputs: Mapping[str, Any], _options: NoOptions) -> LiftedMesh:
+    """Map all nodes from their charts to the surface."""
+    return inverse_map(inputs["cleanup"].surface, inputs["decompose"], inputs["assembly"])
+
+
+def _smoothing(inputs: Mapping[str, Any], options: SmoothingOptions) -> FinalMesh:
+    """Optimise node positions on the surface."""
+    lifted: LiftedMesh = inputs["lift"]
+    result = optimise(inputs["cleanup"].surface, lifted.mesh.mesh, lifted.triangle, options)
+    return FinalMesh(lifted.mesh.moved(result.points), result)
+
+
+def _quality(inputs: Mapping[str, Any], _options: NoOptions) -> Quality:
+    """Measure the finished mesh against the surface."""
+    mesh: BlockMesh = inputs["smoothing"].mesh
+    return measure(mesh.mesh, inputs["cleanup"].surface, mesh.block)
+
+
+def _stage(
+    run: Callable[[Mapping[str, Any], Any], Any],
+    inputs: tuple[str, ...],
+    modules: tuple[str, ...],
+    codec: codecs.Codec,
+    options: type = NoOptions,
+    **more: Any,
+) -> Stage[Any, Any]:
+    own = (codec.module, *modules)
+    name = run.__name__.lstrip("_").removeprefix("read_")
+    return Stage(name, 1, own, inputs, options, _one_thread(run), codec.write, codec.read, **more)
+
+
+STAGES: tuple[Stage[Any, Any], ...] = (
+    _stage(_read_model, (), ("drl_meshgen.models",), codecs.MODEL, ModelOptions, identity=_model_identity),
+    _stage(_cleanup, ("model",), ("drl_meshgen.cleanup",), codecs.CLEANUP, CleanupOptions),
+    _stage(_ricci, ("cleanup",), ("drl_meshgen.ricci",), codecs.RICCI, RicciOptions),
+    _stage(_partition, ("cleanup", "ricci"), ("drl_meshgen.partition",), codecs.PARTITION, PartitionOptions),
+    _stage(_decompose, ("partition",), ("drl_meshgen.decompose",), codecs.LAYOUT, DecomposeOptions),
+    _stage(_subdomain, ("partition", "decompose"), ("drl_meshgen.assembly",), codecs.SUBDOMAINS),
+    _stage(_assembly, ("decompose", "subdomain"), ("drl_meshgen.assembly",), codecs.ASSEMBLY),
+    _stage(_lift, ("cleanup", "decompose", "assembly"), ("drl_meshgen.lift",), codecs.LIFTED),
+    _stage(_smoothing, ("cleanup", "lift"), ("drl_meshgen.smoothing",), codecs.FINAL, SmoothingOptions),
+    _stage(_quality, ("cleanup", "smoothing"), ("drl_meshgen.quality",), codecs.QUALITY),
+)
+
+
+def run(
+    source: str,
+    options: MeshOptions | None = None,
+    *,
+    triangles: int = ModelOptions.triangles,
+    store: Store | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> Execution:
+    """Run all stages on a model name or file, in memory or through a store; results by stage name."""
+    options = options or MeshOptions()
+    return execute(STAGES, options.by_stage(source, triangles), store=store, progress=progress)
+
+
+def mesh_surface(surface: TriMesh | RawSurface | str | Path, options: MeshOptions | None = None) -> BlockMesh:
+    """Mesh a surface by structured quadrilateral blocks.
+
+    `surface` is a triangle mesh, a model name or a file. No server and no files are needed.
+
+    Raises `InputError` for a surface that cannot be meshed and `StageError` for a stage without a result.
+    """
+    options = options or MeshOptions()
+    if isinstance(surface, (str, Path)):
+        return run(str(surface), options)["smoothing"].mesh
+    raw = surface if isinstance(surface, RawSurface) else RawSurface("surface", surface.vertices, surface.triangles)
+    given = replace(STAGES[0], run=lambda _inputs, _options: raw)
+    return execute((given, *STAGES[1:]), options.by_stage(raw.name), targets=["smoothing"])["smoothing"].mesh
