@@ -31,13 +31,15 @@ def _torso() -> list[Part]:
     ]
 
 
+MANE = [(0.42, 3.22, 0), (0.68, 3.52, 0), (0.93, 3.98, 0), (1.13, 4.42, 0), (1.30, 4.80, 0), (1.40, 5.05, 0)]
+
+
 def _neck() -> list[Part]:
     nape = [(0.66, 2.86, 0), (0.90, 3.28, 0), (1.12, 3.75, 0), (1.30, 4.22, 0), (1.45, 4.66, 0), (1.53, 4.88, 0)]
-    mane = [(0.42, 3.22, 0), (0.68, 3.52, 0), (0.93, 3.98, 0), (1.13, 4.42, 0), (1.30, 4.80, 0), (1.40, 5.05, 0)]
     return [
         Part(tube(nape, [0.36, 0.262, 0.205, 0.170, 0.148, 0.138], (1, 1, 1.15)), 0.14),
         Part(tube([(0.95, 3.05, 0), (1.30, 3.85, 0), (1.50, 4.55, 0)], [0.15, 0.10, 0.09]), 0.12),  # throat
-        Part(tube(mane, [0.05, 0.065, 0.065, 0.06, 0.06, 0.05], (1, 1, 1.6)), 0.06),
+        Part(tube(MANE, [0.07, 0.085, 0.085, 0.08, 0.08, 0.06], (1, 1, 1.2)), 0.08),
     ]
 
 
@@ -64,7 +66,7 @@ def _head() -> list[Part]:
         centre, axes = _ear(side)
         parts += [
             Part(ellipsoid((1.74, 4.99, 0.125 * side), (0.075, 0.06, 0.05)), 0.04),  # brow
-            Part(ellipsoid((1.765, 4.985, 0.160 * side), (0.042, 0.037, 0.034)), 0.012),  # eye
+            Part(ellipsoid((1.765, 4.985, 0.160 * side), (0.055, 0.048, 0.042)), 0.02),  # eye
             Part(tube(_ossicone(side), [0.058, 0.046, 0.058]), 0.05),
             Part(ellipsoid(centre, (0.085, 0.20, 0.050), axes), 0.05),
             Part(ellipsoid(centre + 0.055 * axes[2], (0.045, 0.13, 0.040), axes), 0.03, carve=True),
@@ -122,7 +124,7 @@ TAIL = [(-1.14, 2.66, 0), (-1.32, 2.48, 0), (-1.40, 2.1, 0), (-1.42, 1.72, 0), (
 
 
 def _tail() -> list[Part]:
-    return [Part(tube(TAIL, [0.095, 0.066, 0.052, 0.050, 0.082, 0.040]), 0.06)]
+    return [Part(tube(TAIL, [0.095, 0.066, 0.052, 0.050, 0.082, 0.050]), 0.06)]
 
 
 MOUTH = np.array([(1.93, 4.722), (2.08, 4.645), (2.19, 4.622), (2.27, 4.635)])
@@ -144,14 +146,15 @@ def _relief(points: Float[np.ndarray, "n 3"], blur: float) -> Float[np.ndarray, 
     return height
 
 
-def _shape(blur: float) -> Field:
-    parts = [*_torso(), *_neck(), *_head(), *_legs(), *_tail()]
+PARTS = (*_torso(), *_neck(), *_head(), *_legs(), *_tail())
 
-    def field(points: Float[np.ndarray, "n 3"], band: float) -> Float[np.ndarray, " n"]:
-        solid = build(parts, points, band) - _relief(points, blur)
-        return smooth_max(solid, -points[:, 1], 0.04)  # soles on flat ground
 
-    return field
+def _smooth(points: Float[np.ndarray, "n 3"], band: float) -> Float[np.ndarray, " n"]:
+    return smooth_max(build([PARTS], points, band)[0], -points[:, 1], 0.04)  # soles on flat ground
+
+
+def _detailed(blur: float) -> Field:
+    return lambda points, band: _smooth(points, band) - _relief(points, blur)
 
 
 def _opening(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
@@ -163,21 +166,20 @@ def _opening(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
 
 
 def _zones() -> tuple[Zone, ...]:
-    zones = [
-        Zone(catmull_rom(np.array(TAIL, float)), 0.16, 0.6),
-        Zone(np.array([(1.4, 4.95, 0), (2.2, 4.65, 0)]), 0.42, 0.75),
-    ]
+    zones = [Zone(np.array([(1.4, 4.95, 0), (2.2, 4.65, 0)]), 0.42, 0.75, 0.07)]  # head
+    zones.append(Zone(np.array(MANE, float), 0.14, 0.8, 0.06))
+    for leg in (_fore_leg, _hind_leg):
+        zones += [Zone(np.array(leg(side)[2:], float), 0.26, 0.75, 0.06) for side in SIDES]
+    zones.append(Zone(catmull_rom(np.array(TAIL, float)), 0.16, 0.5, 0.04))
     for side in SIDES:
         centre, axes = _ear(side)
         zones += [
-            Zone(np.array(_ossicone(side), float), 0.10, 0.6),
-            Zone(np.array([centre - 0.15 * axes[1], centre + 0.25 * axes[1]]), 0.13, 0.6),
-            Zone(np.array(_fore_leg(side)[2:], float), 0.26, 0.75),
-            Zone(np.array(_hind_leg(side)[2:], float), 0.26, 0.75),
+            Zone(np.array([centre - 0.15 * axes[1], centre + 0.25 * axes[1]]), 0.13, 0.6, 0.04),
+            Zone(np.array(_ossicone(side), float), 0.10, 0.5, 0.034),
         ]
     return tuple(zones)
 
 
 def giraffe() -> Solid:
     """Four legs, tail, two ears, two ossicones and the muzzle: ten limbs; one opening under the belly."""
-    return Solid((-1.75, -0.1, -0.65), (2.55, 5.6, 0.65), 18.0, _shape, _opening, _zones())
+    return Solid((-1.75, -0.1, -0.65), (2.55, 5.6, 0.65), 18.0, _smooth, _detailed, _opening, _zones())

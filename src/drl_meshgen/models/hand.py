@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from drl_meshgen.models.hand_relief import Digit, relief
+from drl_meshgen.models.hand_relief import TIP_FACTOR, Digit, Skin
 from drl_meshgen.models.implicit import Part, build, ellipsoid, frame, smooth_min, tube
 from drl_meshgen.models.sampling import Field, Solid, Zone
 
-WRIST = -3.6  # height of the cut
+WRIST = -4.4  # height of the cut
 
 
 @dataclass(frozen=True)
@@ -61,17 +61,17 @@ def _digits() -> list[Digit]:
 
 def _palm() -> list[Part]:
     wrist = [(0.1, -6.5, 0), (0.1, -1.6, 0), (0.1, -0.4, -0.03), (0.1, 0.8, -0.05)]
-    parts = [Part(tube(wrist, [2.72, 2.42, 2.36, 2.5], (1, 1, 1.36)), 0.5)]
+    parts = [Part(tube(wrist, [2.85, 2.55, 2.5, 2.6], (1, 1, 1.36)), 0.5)]
     for finger in FINGERS:
         knuckle = np.array(finger.knuckle)
         heading = np.radians(-finger.spread)
         ray = [
-            (knuckle[0] * 0.52, 0.9, -0.15),
+            (knuckle[0] * 0.50, 0.5, -0.15),
             np.add(knuckle, (-knuckle[0] * 0.1, -3.0, -0.1)),
             np.add(knuckle, (0, -0.3, -0.16)),
             np.add(knuckle, (np.sin(heading) * 1.1, 1.05, -0.38)),
         ]
-        parts.append(Part(tube(ray, list(finger.metacarpal_radii)), 0.7))
+        parts.append(Part(tube(ray, list(finger.metacarpal_radii)), 0.9))
     parts += [
         Part(
             ellipsoid((-2.7, 3.7, -1.05), (1.2, 3.2, 1.35), frame(np.array([-0.05, 1, 0]), DORSAL)), 0.9
@@ -90,7 +90,7 @@ def _digit_parts(digit: Digit) -> list[Part]:
     joints, radii = digit.joints, digit.radii
     first = joints[1] - joints[0]
     root = joints[0] - first / np.linalg.norm(first) - 0.3 * digit.back
-    sleeve = tube([root, *joints], [radii[0] * 0.86, radii[0] * 0.93, *radii[1:]], pieces=4)
+    sleeve = tube([root, *joints], [radii[0] * 0.86, radii[0] * 0.93, *radii[1:]], pieces=8)
     parts = [Part(sleeve, 0.04)]
     last = len(joints) - 2
     for i in range(last + 1):
@@ -103,7 +103,7 @@ def _digit_parts(digit: Digit) -> list[Part]:
         parts.append(Part(ellipsoid(pad, (0.84 * radius, half * length, 0.76 * radius), axes), 0.22))
         if i > 0:
             parts.append(
-                Part(ellipsoid(joints[i] + 0.03 * radii[i] * back, (1.04 * radii[i], radii[i], radii[i]), axes), 0.10)
+                Part(ellipsoid(joints[i] + 0.03 * radii[i] * back, (1.02 * radii[i], radii[i], radii[i]), axes), 0.20)
             )
         if i == last:
             tip = radii[-1]
@@ -111,16 +111,28 @@ def _digit_parts(digit: Digit) -> list[Part]:
     return parts
 
 
-def _shape(blur: float) -> Field:
-    palm_parts, digits = _palm(), _digits()
-    digit_parts = [_digit_parts(digit) for digit in digits]
-    blends = [0.45] * len(FINGERS) + [0.7]
+DIGITS = tuple(_digits())
+PALM_PARTS = tuple(_palm())
+DIGIT_PARTS = tuple(tuple(_digit_parts(digit)) for digit in DIGITS)
+WEBS = (0.45, 0.45, 0.45, 0.45, 0.7)  # blend width of each digit with the palm
+
+
+def _fields(points: Float[np.ndarray, "n 3"], band: float) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "d n"]]:
+    """Field of the hand without relief and of each digit alone."""
+    palm, *digits = build([PALM_PARTS, *DIGIT_PARTS], points, band + max(WEBS))
+    return np.min([smooth_min(palm, d, web) for d, web in zip(digits, WEBS, strict=True)], axis=0), np.stack(digits)
+
+
+def _smooth(points: Float[np.ndarray, "n 3"], band: float) -> Float[np.ndarray, " n"]:
+    return _fields(points, band)[0]
+
+
+def _detailed(blur: float) -> Field:
+    skin = Skin(DIGITS, blur)
 
     def field(points: Float[np.ndarray, "n 3"], band: float) -> Float[np.ndarray, " n"]:
-        palm = build(palm_parts, points, band + max(blends))
-        fingers = np.stack([build(p, points, band + max(blends)) for p in digit_parts])
-        solid = np.min([smooth_min(palm, f, k) for f, k in zip(fingers, blends, strict=True)], axis=0)
-        return solid - relief(points, solid, fingers, digits, blur)
+        solid, digits = _fields(points, band)
+        return solid - skin.height(points, solid, digits)
 
     return field
 
@@ -131,5 +143,5 @@ def _opening(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
 
 def hand() -> Solid:
     """Five digits and the wrist: five limbs and one opening, cut by a plane."""
-    zones = tuple(Zone(np.array([d.joints[-2], d.joints[-1]]), 1.5, 0.8) for d in _digits())
-    return Solid((-6.4, WRIST - 0.6, -4.3), (9.2, 20.6, 3.4), 470.0, _shape, _opening, zones)
+    zones = tuple(Zone(np.array([d.joints[-2], d.joints[-1]]), 1.5, TIP_FACTOR, 0.45) for d in DIGITS)
+    return Solid((-6.4, WRIST - 0.6, -4.3), (9.2, 20.6, 3.4), 470.0, _smooth, _detailed, _opening, zones)

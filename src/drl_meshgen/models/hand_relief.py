@@ -5,9 +5,11 @@ lowers it by the same factor, so that a coarse surface carries the detail its tr
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
+from scipy.interpolate import RectBivariateSpline
 
 from drl_meshgen.models.implicit import catmull_rom, distance_to_polyline, gauss, step_down
 
@@ -36,6 +38,9 @@ PALM_LINES = (
     ([(1.75, 8.75), (1.2, 8.1), (-0.2, 7.6), (-1.8, 7.3), (-3.6, 7.0)], 0.090),
     ([(0.1, 2.0), (0.2, 4.0), (0.4, 6.5)], 0.038),
 )
+KNUCKLES = ((2.95, 9.2), (0.95, 9.65), (-1.08, 9.2), (-2.95, 8.25))
+MAP_X, MAP_Y, MAP_STEP = (-7.0, 9.0), (-2.0, 11.0), 0.06
+TIP_FACTOR = 0.7  # triangles are smaller at the finger tips by this factor
 WRINKLES = ((-0.42, 0.03), (-0.24, 0.045), (-0.08, 0.055), (0.1, 0.05), (0.28, 0.04), (0.46, 0.028))
 
 
@@ -55,28 +60,42 @@ class _Brush:
         return step_down(x, np.hypot(width, self.blur))
 
 
-def relief(
-    points: Float[np.ndarray, "n 3"],
-    solid: Float[np.ndarray, " n"],
-    fingers: Float[np.ndarray, "d n"],
-    digits: list[Digit],
-    blur: float,
-) -> Float[np.ndarray, " n"]:
-    """Height of the relief at points near the surface.
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """The relief of a hand for a given blur."""
 
-    `solid` and `fingers` are the fields of the whole hand and of each digit at the same points.
-    """
-    brush = _Brush(blur)
-    height = np.zeros(len(points))
-    close = np.nonzero(np.abs(solid) < 0.5)[0]
-    p = points[close]
-    owner, distance = fingers[:, close].argmin(axis=0), fingers[:, close].min(axis=0)
-    height[close] = _palm(brush, p, step_down(0.45 - distance, 0.15))
-    for d, digit in enumerate(digits):
-        mine = (owner == d) & (distance < 1.0)
-        fade = step_down(distance[mine] - 0.6, 0.1)
-        height[close[mine]] += fade * (_creases(brush, digit, p[mine]) + _nail(brush, digit, p[mine]))
-    return height * step_down(np.abs(solid) - 0.35, 0.05)
+    digits: tuple[Digit, ...]
+    blur: float
+    """Marks are widened as if convolved with a bell of this width (model units)."""
+
+    @cached_property
+    def _maps(self) -> tuple[RectBivariateSpline, RectBivariateSpline]:
+        """Back and palm as height maps over (x, y)."""
+        x, y = np.arange(*MAP_X, MAP_STEP), np.arange(*MAP_Y, MAP_STEP)
+        nodes = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+        brush = _Brush(self.blur)
+        back, palm = (paint(brush, nodes).reshape(len(x), len(y)) for paint in (_back_of_hand, _palm_lines))
+        return RectBivariateSpline(x, y, back), RectBivariateSpline(x, y, palm)
+
+    def height(
+        self, points: Float[np.ndarray, "n 3"], solid: Float[np.ndarray, " n"], digits: Float[np.ndarray, "d n"]
+    ) -> Float[np.ndarray, " n"]:
+        """Height at points near the surface, where the hand has the field `solid` and each digit `digits`."""
+        brush, fine = _Brush(self.blur), _Brush(TIP_FACTOR * self.blur)
+        height = np.zeros(len(points))
+        close = np.nonzero(np.abs(solid) < 0.5)[0]
+        x, y, z = points[close].T
+        owner, distance = digits[:, close].argmin(axis=0), digits[:, close].min(axis=0)
+        back, palm = self._maps
+        height[close] = step_down(-z - 0.25, 0.25) * back(x, y, grid=False)
+        height[close] += step_down(z + 0.35, 0.25) * step_down(0.45 - distance, 0.15) * palm(x, y, grid=False)
+        wrist = brush.line(y + 0.15 + 0.006 * x**2, 0.09) + 0.7 * brush.line(y + 0.75 - 0.006 * x**2, 0.09)
+        height[close] -= 0.035 * step_down(z + 0.1, 0.4) * wrist
+        for d, digit in enumerate(self.digits):
+            mine = close[(owner == d) & (distance < 1.0)]
+            fade = step_down(digits[d, mine] - 0.6, 0.1)
+            height[mine] += fade * (_creases(brush, digit, points[mine]) + _nail(fine, digit, points[mine]))
+        return height * step_down(np.abs(solid) - 0.35, 0.05)
 
 
 def _local(digit: Digit, origin: np.ndarray, along: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -131,19 +150,22 @@ def _nail(brush: _Brush, digit: Digit, points: Float[np.ndarray, "n 3"]) -> Floa
     return top * (plate - groove - under_edge + fold)
 
 
-def _palm(brush: _Brush, points: Float[np.ndarray, "n 3"], off_fingers: np.ndarray) -> Float[np.ndarray, " n"]:
-    """Tendons and veins on the back, lines in the palm, creases at the wrist."""
-    x, y, z = points.T
-    height = np.zeros(len(points))
-    dorsal = step_down(-z - 0.25, 0.25)
-    for knuckle_x, knuckle_y in ((2.95, 9.2), (0.95, 9.65), (-1.08, 9.2), (-2.95, 8.25)):
+def _back_of_hand(brush: _Brush, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+    """Tendons and veins."""
+    y = xy[:, 1]
+    height = np.zeros(len(xy))
+    for knuckle_x, knuckle_y in KNUCKLES:
         tendon = np.array([(knuckle_x * 0.42, 1.8), (knuckle_x * 0.97, knuckle_y - 0.3)])
         span = np.clip((y - 1.5) / 5, 0, 1) * np.clip((knuckle_y - 0.1 - y) / 1.2, 0, 1)
-        height += dorsal * 0.09 * brush.line(distance_to_polyline(points[:, :2], tendon), 0.30) * span
+        height += 0.09 * brush.line(distance_to_polyline(xy, tendon), 0.30) * span
     for vein in VEINS:
-        height += dorsal * 0.055 * brush.line(distance_to_polyline(points[:, :2], catmull_rom(np.array(vein), 8)), 0.15)
-    palmar = step_down(z + 0.35, 0.25) * off_fingers
+        height += 0.055 * brush.line(distance_to_polyline(xy, catmull_rom(np.array(vein), 8)), 0.15)
+    return height
+
+
+def _palm_lines(brush: _Brush, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+    """Lines of the palm, as negative heights."""
+    height = np.zeros(len(xy))
     for line, depth in PALM_LINES:
-        height -= palmar * depth * brush.line(distance_to_polyline(points[:, :2], catmull_rom(np.array(line), 8)), 0.14)
-    wrist = brush.line(y + 0.15 + 0.006 * x**2, 0.09) + 0.7 * brush.line(y + 0.75 - 0.006 * x**2, 0.09)
-    return height - 0.035 * step_down(z + 0.1, 0.4) * wrist
+        height -= depth * brush.line(distance_to_polyline(xy, catmull_rom(np.array(line), 8)), 0.14)
+    return height

@@ -4,15 +4,17 @@ Every field is negative inside and roughly a distance near its zero set. Blends 
 minimum, which changes a field only where its two operands are closer than the blend width.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 FAR = 1e3  # field value out of reach of every part
-BUNDLE = 4096  # points evaluated together
+BUNDLE = 2048  # points evaluated together
 
 
 def smooth_min(a: np.ndarray, b: np.ndarray, blend: float) -> np.ndarray:
@@ -38,7 +40,7 @@ def step_down(x: np.ndarray, width: float) -> np.ndarray:
     return 0.5 - 0.5 * np.tanh(x / width)
 
 
-def catmull_rom(control: Float[np.ndarray, "c d"], pieces: int = 6) -> Float[np.ndarray, "p d"]:
+def catmull_rom(control: Float[np.ndarray, "c d"], pieces: int = 16) -> Float[np.ndarray, "p d"]:
     """Points of the Catmull-Rom spline through the control points, `pieces` per span."""
     w = np.vstack([2 * control[0] - control[1], control, 2 * control[-1] - control[-2]])
     t = np.linspace(0, 1, pieces, endpoint=False)[:, None]
@@ -91,7 +93,7 @@ class Tube:
     radii: Float[np.ndarray, " p"]
     stretch: Float[np.ndarray, " 3"]
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Box of the axis, widened by the largest radius."""
         reach = self.radii.max() / self.stretch
@@ -101,13 +103,14 @@ class Tube:
         """Minimum over the segments of the distance to the segment less the radius there."""
         best = np.full(len(points), FAR)
         scaled, axis = points * self.stretch, self.axis * self.stretch
+        px, py, pz = np.ascontiguousarray(scaled.T)
         margin = np.maximum(self.radii[:-1], self.radii[1:])[:, None] + reach * self.stretch.max()
         low = np.minimum(axis[:-1], axis[1:]) - margin
         high = np.maximum(axis[:-1], axis[1:]) + margin
         points_low, points_high = _box(scaled)
         for s in np.nonzero(((low < points_high) & (high > points_low)).all(axis=1))[0]:
             d = axis[s + 1] - axis[s]
-            x, y, z = (scaled - axis[s]).T
+            x, y, z = px - axis[s, 0], py - axis[s, 1], pz - axis[s, 2]
             t = np.clip((x * d[0] + y * d[1] + z * d[2]) / (d @ d), 0, 1)
             across = (x - t * d[0]) ** 2 + (y - t * d[1]) ** 2 + (z - t * d[2]) ** 2
             np.minimum(best, np.sqrt(across) - (self.radii[s] + (self.radii[s + 1] - self.radii[s]) * t), out=best)
@@ -122,7 +125,7 @@ class Ellipsoid:
     radii: Float[np.ndarray, " 3"]
     axes: Float[np.ndarray, "3 3"]
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Tight box."""
         reach = np.linalg.norm(self.radii[:, None] * self.axes, axis=0)
@@ -136,7 +139,7 @@ class Ellipsoid:
         return k0 * (k0 - 1) / k1
 
 
-def tube(control: list, radii: list, stretch: tuple = (1, 1, 1), pieces: int = 6) -> Tube:
+def tube(control: list, radii: list, stretch: tuple = (1, 1, 1), pieces: int = 16) -> Tube:
     """Tube along the spline through control points and radii (`pieces = 1`: straight segments)."""
     rows = np.c_[np.array(control, float), radii]
     if pieces > 1:
@@ -166,26 +169,34 @@ def _box(points: Float[np.ndarray, "n 3"]) -> tuple[np.ndarray, np.ndarray]:
     return np.array([c.min() for c in columns]), np.array([c.max() for c in columns])
 
 
-def _inside(points: Float[np.ndarray, "n 3"], low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    x, y, z = points.T
-    return (x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1]) & (z > low[2]) & (z < high[2])
+def _morton_code(points: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
+    """Position along a space-filling curve (6 bits per axis), so that points close in order are close in space."""
+    low, high = _box(points)
+    width = max(float((high - low).max()), np.finfo(float).tiny)
+    spread = np.array([sum(((k >> bit) & 1) << (3 * bit) for bit in range(6)) for k in range(64)])
+    code = np.zeros(len(points), np.int64)
+    for axis in range(3):
+        cell = ((points[:, axis] - low[axis]) * (63.999 / width)).astype(np.int64)
+        code |= spread[cell] << axis
+    return code
 
 
-def build(parts: list[Part], points: Float[np.ndarray, "n 3"], band: float) -> Float[np.ndarray, " n"]:
-    """Field of the solid built from `parts` in order, right within `band` of its surface.
+def build(solids: Sequence[Sequence[Part]], points: Float[np.ndarray, "n 3"], band: float) -> Float[np.ndarray, "s n"]:
+    """Field of each solid, built from its parts in order, right within `band` of its surface.
 
     Works on bundles of neighbouring points, so that a part costs nothing where it is out of reach.
     """
-    cell = np.floor((points - points.min(axis=0)) / (np.ptp(points, axis=0).max() / 64 + np.finfo(float).tiny))
-    order = np.argsort(cell @ (128.0**2, 128.0, 1.0), kind="stable")
-    field = np.empty(len(points))
+    order = np.argsort(_morton_code(points), kind="stable")
+    fields = np.empty((len(solids), len(points)))
     for start in range(0, len(points), BUNDLE):
         bundle = order[start : start + BUNDLE]
-        field[bundle] = _build_bundle(parts, points[bundle], band)
-    return field
+        near = points[bundle]
+        for field, parts in zip(fields, solids, strict=True):
+            field[bundle] = _build_bundle(parts, near, band)
+    return fields
 
 
-def _build_bundle(parts: list[Part], points: Float[np.ndarray, "n 3"], band: float) -> Float[np.ndarray, " n"]:
+def _build_bundle(parts: Sequence[Part], points: Float[np.ndarray, "n 3"], band: float) -> Float[np.ndarray, " n"]:
     field = np.full(len(points), FAR)
     low, high = _box(points)
     for part in parts:
@@ -193,12 +204,6 @@ def _build_bundle(parts: list[Part], points: Float[np.ndarray, "n 3"], band: flo
         part_low, part_high = part.solid.bounds
         if (part_low - reach > high).any() or (part_high + reach < low).any():
             continue
-        near = _inside(points, part_low - reach, part_high + reach)
-        if not near.any():
-            continue
-        value = part.solid.distance(points[near], reach)
-        if part.carve:
-            field[near] = smooth_max(field[near], -value, part.blend)
-        else:
-            field[near] = smooth_min(field[near], value, part.blend)
+        value = part.solid.distance(points, reach)
+        field = smooth_max(field, -value, part.blend) if part.carve else smooth_min(field, value, part.blend)
     return field

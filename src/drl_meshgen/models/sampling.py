@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.optimize import brentq
 
 from drl_meshgen.cleanup.meshlab import remesh_isotropic
 from drl_meshgen.cleanup.refine import subdivided
@@ -14,18 +15,22 @@ from drl_meshgen.models.implicit import distance_to_polyline
 Field = Callable[[np.ndarray, float], np.ndarray]
 """`field(points, band)`: signed distance-like value per point, right within `band` of the surface."""
 
-COARSE = 4  # fine grid steps per coarse grid step
+COARSE = 3  # fine grid steps per coarse grid step
 BASE_TRIANGLES = 120_000  # larger surfaces are midpoint subdivisions of one below this, projected
+SMALLEST_FACTOR = 0.35  # edges of a zone relative to the rest of the surface
 COUNT_BIAS = 1.055  # isotropic remeshing gives about 5 % fewer triangles than area / target area
 
 
 @dataclass(frozen=True, eq=False)
 class Zone:
-    """Where triangles shall be smaller: within `reach` of a polyline, edges times `factor`."""
+    """Where triangles shall be smaller: within `reach` of a polyline."""
 
     axis: Float[np.ndarray, "p 3"]
     reach: float
     factor: float
+    """Edge length relative to the rest of the surface."""
+    longest: float
+    """Edge length in model units kept on coarse surfaces, so that limbs stay round (down to `SMALLEST_FACTOR`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,22 +41,23 @@ class Solid:
     high: tuple[float, float, float]
     area: float
     """Rough surface area, to choose the grid step."""
-    shape: Callable[[float], Field]
-    """`shape(blur)`: the field with detail narrower than `blur` smoothed away."""
+    smooth: Field
+    """The solid without surface detail, to start from."""
+    detailed: Callable[[float], Field]
+    """`detailed(blur)`: the solid with its detail, marks narrower than `blur` smoothed away."""
     opening: Callable[[np.ndarray], np.ndarray]
     """Field whose negative side is cut off the surface."""
     zones: tuple[Zone, ...]
 
 
-def edge_factor(points: Float[np.ndarray, "n 3"], zones: tuple[Zone, ...]) -> Float[np.ndarray, " n"]:
-    """Relative edge length wanted at each point: the smallest factor of the zones it lies in, else 1."""
-    factor = np.ones(len(points))
-    for zone in zones:
+def zone_of(points: Float[np.ndarray, "n 3"], zones: tuple[Zone, ...]) -> Int[np.ndarray, " n"]:
+    """Index of the last zone that each point lies in, -1 for none."""
+    index = np.full(len(points), -1)
+    for k, zone in enumerate(zones):
         low, high = zone.axis.min(axis=0) - zone.reach, zone.axis.max(axis=0) + zone.reach
         near = np.nonzero(((points > low) & (points < high)).all(axis=1))[0]
-        inside = near[distance_to_polyline(points[near], zone.axis) < zone.reach]
-        factor[inside] = np.minimum(factor[inside], zone.factor)
-    return factor
+        index[near[distance_to_polyline(points[near], zone.axis) < zone.reach]] = k
+    return index
 
 
 def sample(solid: Solid, triangles: int) -> TriMesh:
@@ -63,11 +69,10 @@ def sample(solid: Solid, triangles: int) -> TriMesh:
     levels = max(0, int(np.ceil(np.log2(triangles / BASE_TRIANGLES) / 2)))
     base = triangles / 4**levels
     edge = np.sqrt(4 / np.sqrt(3) * solid.area / base)
-    field = solid.shape(edge / 2**levels / 2)
-    mesh = cut(TriMesh(*contour(field, solid.low, solid.high, 0.4 * edge)), solid.opening)
+    mesh = cut(TriMesh(*contour(solid.smooth, solid.low, solid.high, 0.4 * edge)), solid.opening)
     mesh = _remesh(mesh, solid, base)
-    projector = Projector(field, solid.opening, mesh.diagonal)
-    mesh = projector.relax(mesh, sweeps=6)
+    projector = Projector(solid.detailed(edge / 2**levels / 2), solid.opening, mesh.diagonal)
+    mesh = projector.relax(mesh, sweeps=4)
     for _ in range(levels):
         mesh = projector.project(subdivided(mesh))
     return mesh
@@ -81,7 +86,7 @@ def contour(
 
     origin, coarse = np.array(low), COARSE * step
     cells = np.ceil((np.array(high) - origin) / coarse).astype(int)
-    band = 1.25 * np.sqrt(3) * coarse
+    band = 1.4 * np.sqrt(3) / 2 * coarse  # half a cell diagonal, for fields up to 1.4 times a distance
     axes = [origin[k] + coarse * np.arange(cells[k] + 1) for k in range(3)]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     value = field(nodes, band).reshape(cells + 1)
@@ -126,12 +131,25 @@ def largest_component(mesh: TriMesh) -> TriMesh:
 
 
 def _remesh(mesh: TriMesh, solid: Solid, triangles: float) -> TriMesh:
-    wanted = edge_factor(mesh.corners.mean(axis=1), solid.zones)
-    edge = np.sqrt(4 / np.sqrt(3) * float((mesh.areas / wanted**2).sum()) / (triangles * COUNT_BIAS))
-    points, faces = remesh_isotropic(mesh.vertices, mesh.triangles, edge)
-    for factor in sorted({zone.factor for zone in solid.zones}, reverse=True):
-        selected = edge_factor(points[faces].mean(axis=1), solid.zones) <= factor
-        points, faces = remesh_isotropic(points, faces, factor * edge, selected=selected)
+    """Remesh to the edge length of each zone: all at the finest first if limbs could collapse, then zone by zone."""
+    zone = zone_of(mesh.corners.mean(axis=1), solid.zones)
+    area = np.bincount(zone + 1, weights=mesh.areas, minlength=len(solid.zones) + 1)
+    factor = np.array([1.0, *(z.factor for z in solid.zones)])
+    longest = np.array([np.inf, *(z.longest for z in solid.zones)])
+
+    def zone_lengths(edge: float) -> np.ndarray:
+        return np.minimum(factor * edge, np.maximum(longest, SMALLEST_FACTOR * edge))
+
+    def excess(edge: float) -> float:
+        return float((4 / np.sqrt(3) * area / zone_lengths(edge) ** 2).sum()) - COUNT_BIAS * triangles
+
+    edge = brentq(excess, 1e-4 * mesh.diagonal, mesh.diagonal)
+    lengths = zone_lengths(edge)
+    current = min(edge, max(longest.min(), SMALLEST_FACTOR * edge))
+    points, faces = remesh_isotropic(mesh.vertices, mesh.triangles, current)
+    for length in np.unique(lengths[lengths != current]):
+        selected = lengths[zone_of(points[faces].mean(axis=1), solid.zones) + 1] == length
+        points, faces = remesh_isotropic(points, faces, float(length), selected=selected)
     return TriMesh(points, faces)
 
 
@@ -152,17 +170,20 @@ class Projector:
         value = function((points[None] + offsets[:, None]).reshape(-1, 3)).reshape(7, -1)
         return value[0], (value[1:4] - value[4:7]).T / (2 * eps)
 
-    def onto_surface(self, points: Float[np.ndarray, "n 3"], steps: int = 3) -> Float[np.ndarray, "n 3"]:
-        """Move each point along the gradient onto the surface."""
-        for _ in range(steps):
-            f, g = self._value_and_gradient(lambda p: self.field(p, 0.05 * self.size), points)
-            points = points - (f / np.maximum(np.einsum("ij,ij->i", g, g), 0.05))[:, None] * g
-        return points
+    def _distance(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        return self.field(points, 0.05 * self.size)
 
-    def onto_rim(self, points: Float[np.ndarray, "n 3"], steps: int = 4) -> Float[np.ndarray, "n 3"]:
+    def onto_surface(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Move each point along the gradient at its start onto the surface (two chord steps)."""
+        f, g = self._value_and_gradient(self._distance, points)
+        step = g / np.maximum(np.einsum("ij,ij->i", g, g), 0.05)[:, None]
+        points = points - f[:, None] * step
+        return points - self._distance(points)[:, None] * step
+
+    def onto_rim(self, points: Float[np.ndarray, "n 3"], steps: int = 3) -> Float[np.ndarray, "n 3"]:
         """Move each point by the shortest step that makes both linearised fields zero."""
         for _ in range(steps):
-            f, g = self._value_and_gradient(lambda p: self.field(p, 0.05 * self.size), points)
+            f, g = self._value_and_gradient(self._distance, points)
             c, d = self._value_and_gradient(self.opening, points)
             jacobian = np.stack([g, d], axis=1)
             gram = jacobian @ jacobian.transpose(0, 2, 1)
@@ -170,31 +191,33 @@ class Projector:
             points = points - (jacobian.transpose(0, 2, 1) @ weight)[..., 0]
         return points
 
-    def project(self, mesh: TriMesh, steps: int = 3) -> TriMesh:
-        """Project every vertex with `steps` Newton steps, rim vertices on the rim."""
+    def project(self, mesh: TriMesh) -> TriMesh:
+        """Project every vertex, rim vertices on the rim."""
         rim = mesh.topology.on_boundary
         points = mesh.vertices.copy()
-        points[rim] = self.onto_rim(points[rim], steps)
-        points[~rim] = self.onto_surface(points[~rim], steps)
+        points[rim] = self.onto_rim(points[rim])
+        points[~rim] = self.onto_surface(points[~rim])
         return TriMesh(points, mesh.triangles)
 
     def relax(self, mesh: TriMesh, sweeps: int) -> TriMesh:
         """Even out the triangles: half-steps to the mean of the neighbours within the tangent plane, projected.
 
-        Rim vertices move towards the mean of their two rim neighbours only.
+        In between, vertices follow their normals onto the surface; the last projection is exact. Rim vertices move
+        towards the mean of their two rim neighbours only.
         """
         t = mesh.topology
         rim = t.on_boundary
-        inner_edges = t.edges
         rim_edges = t.edges[t.edge_count == 1]
+        points = mesh.vertices
         for _ in range(sweeps):
-            mean = _neighbour_mean(mesh.vertices, inner_edges)
-            mean[rim] = _neighbour_mean(mesh.vertices, rim_edges)[rim]
-            shift = (mean - mesh.vertices) / 2
-            normal = mesh.vertex_normals
-            shift -= np.where(rim, 0, np.einsum("ij,ij->i", shift, normal))[:, None] * normal
-            mesh = self.project(TriMesh(mesh.vertices + shift, mesh.triangles), steps=1)
-        return self.project(mesh)
+            normal = TriMesh(points, mesh.triangles).vertex_normals
+            shift = (_neighbour_mean(points, t.edges) - points) / 2
+            shift -= np.einsum("ij,ij->i", shift, normal)[:, None] * normal
+            moved = points + shift
+            moved -= self._distance(moved)[:, None] * normal
+            moved[rim] = self.onto_rim(((points + _neighbour_mean(points, rim_edges)) / 2)[rim], steps=1)
+            points = moved
+        return self.project(TriMesh(points, mesh.triangles))
 
 
 def _neighbour_mean(points: Float[np.ndarray, "v 3"], edges: Int[np.ndarray, "e 2"]) -> Float[np.ndarray, "v 3"]:
