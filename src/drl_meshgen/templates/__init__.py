@@ -5,7 +5,7 @@ from drl_meshgen.templates.domain import Domain
 from drl_meshgen.templates.fill import FilledCap, FilledPatch, fill_cap, fill_transition
 from drl_meshgen.templates.mesh import TemplateMesh
 from drl_meshgen.templates.o_type import OParameters, instantiate
-from drl_meshgen.templates.placement import PlacementOptions
+from drl_meshgen.templates.options import PlacementOptions
 from drl_meshgen.templates.policy import Policy, RulePolicy
 from drl_meshgen.templates.untangle import Outcome
 

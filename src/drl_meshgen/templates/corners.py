@@ -7,6 +7,7 @@ from jaxtyping import Float, Int
 
 from drl_meshgen.templates.mesh import grid_quads
 from drl_meshgen.templates.o_type import grids, positions
+from drl_meshgen.templates.options import PlacementOptions, Size
 
 
 @cache
@@ -47,39 +48,50 @@ def corner_pairs(boundary: int) -> tuple[Int[np.ndarray, " c"], Int[np.ndarray, 
 
 
 def rank_corners(
-    nodes: Float[np.ndarray, "l 2"], i0: np.ndarray, m: np.ndarray, divisions: int, layers: int
-) -> np.ndarray:
-    """Return a surrogate of the shape energy for each choice of corners, (c,), lower is better.
+    nodes: Float[np.ndarray, "l 2"],
+    choices: tuple[Int[np.ndarray, " c"], Int[np.ndarray, " c"]],
+    resolution: tuple[int, int],
+    size: Size | Float[np.ndarray, " l"],
+    options: PlacementOptions,
+) -> Float[np.ndarray, " c"]:
+    """Return the energy of a coarse O-grid for each choice of corners `(i0, m)`, lower is better.
 
-    Coarse O-grids with straight edges and Tutte's singular points; each has the (fractional) number of layers that
-    makes its outer cells square on average.
+    Straight edges, Tutte's singular points, `resolution` = (cells per side, layers); each has the (fractional) number
+    of layers that makes its outer cells square on average. `size` is the wanted edge length as a function, or at the
+    boundary nodes, from where its logarithm is interpolated like the points (cheaper).
     """
-    size = len(nodes)
-    n = size // 2 - m
+    (i0, m), (divisions, layers) = choices, resolution
+    n = len(nodes) // 2 - m
     z = nodes[:, 0] + 1j * nodes[:, 1]  # plane points as complex numbers; choices are the last axis throughout
     side = np.stack([m, n, m, n])
     t = np.arange(divisions) / divisions
     index = ((i0 + np.cumsum(side, axis=0) - side)[:, None] + side[:, None] * t[:, None]).reshape(-1, len(m))
     low = np.floor(index).astype(np.int64)
-    rim = z[low % size] * (1 - index + low) + z[(low + 1) % size] * (index - low)
+    rim = z[low % len(z)] * (1 - index + low) + z[(low + 1) % len(z)] * (index - low)
     matrix, blocks = reference(divisions, layers)
     points = (matrix @ rim.view(np.float64)).view(np.complex128)
     ring = points[layers * len(rim) : (layers + 1) * len(rim)]
     spoke = np.abs(ring - rim).mean(axis=0)
     girth = (np.abs(np.roll(rim, -1, axis=0) - rim) + np.abs(np.roll(ring, -1, axis=0) - ring)).sum(axis=0) / 2
-    k = spoke * size / girth
-    floor = (0.05 * (girth / size) ** 2) ** 2
+    k = spoke * len(z) / girth
+    if callable(size):
+        h = size(np.stack([points.real, points.imag], axis=-1).reshape(-1, 2)).reshape(points.shape)
+    else:
+        log = np.log(size)
+        h = np.exp(matrix @ (log[low % len(z)] * (1 - index + low) + log[(low + 1) % len(z)] * (index - low)))
     total, weight = np.zeros(len(m)), np.zeros(len(m))
     steps = [(m, n), *((count, k * divisions / layers) for count in side)]
     for grid, (first, second) in zip(blocks, steps, strict=True):
         u = np.diff(points[grid], axis=0) * (divisions / first)
         v = np.diff(points[grid], axis=1) * (divisions / second)
         uu, vv = u.real**2 + u.imag**2, v.real**2 + v.imag**2
-        cells = first * second
-        for a in (np.s_[:, :-1], np.s_[:, 1:]):
+        cells, area = first * second, h[grid] ** 2
+        for a in (np.s_[:-1], np.s_[1:]):
             for b in (np.s_[:-1], np.s_[1:]):
-                det = (u[a].conj() * v[b]).imag
-                energy = (uu[a] + vv[b]) / (det + np.sqrt(floor + det * det))
+                wanted = area[a, b]
+                det = (u[:, b].conj() * v[a]).imag / wanted
+                spread = (uu[:, b] + vv[a]) / wanted + options.size_weight * (1 + det * det)
+                energy = spread / (det + np.sqrt(options.epsilon**2 + det * det))
                 total += cells * energy.sum(axis=(0, 1))
                 weight += cells * energy[..., 0].size
     return total / weight

@@ -9,7 +9,7 @@ from drl_meshgen.templates.c_type import CCounts, CParameters, instantiate_c, ru
 from drl_meshgen.templates.domain import Domain
 from drl_meshgen.templates.mesh import TemplateMesh
 from drl_meshgen.templates.o_type import OParameters, instantiate
-from drl_meshgen.templates.placement import Size
+from drl_meshgen.templates.options import Size
 from drl_meshgen.templates.policy import Policy, RulePolicy, boundary_size
 from drl_meshgen.templates.untangle import Outcome, untangle
 

@@ -1,6 +1,5 @@
 """Singular points, bows and number of layers of an O-type mesh by descent on a coarse mesh."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -13,10 +12,8 @@ from scipy.sparse import csr_matrix
 from drl_meshgen.templates.corners import reference
 from drl_meshgen.templates.domain import cross
 from drl_meshgen.templates.energy import Corners, corner_energy, corner_operator, total_energy
+from drl_meshgen.templates.options import PlacementOptions, Size
 from drl_meshgen.templates.sketch import Sketch
-
-Size = Callable[[Float[np.ndarray, "p 2"]], Float[np.ndarray, " p"]]
-"""Wanted edge length at points of the domain, in its units."""
 
 MAX_LAYERS = 200
 #: Sizes of the core tried at the start, relative to Tutte's.
@@ -25,22 +22,6 @@ SCALES = (1.25, 1.0, 0.8, 0.64, 0.5, 0.35, 0.22, 0.12)
 #: Chords of internal edges 0-7 from the singular points (less the corners for 0-3); a row vector's +90 degree turn.
 CHORD: Final[np.ndarray] = np.concatenate([np.eye(4), np.roll(np.eye(4), 1, axis=1) - np.eye(4)])
 TURN: Final[np.ndarray] = np.array([[0.0, 1.0], [-1.0, 0.0]])
-
-
-@dataclass(frozen=True)
-class PlacementOptions:
-    """How singular points are placed."""
-
-    size_weight: float = 0.3
-    """Weight of equal size against shape (dimensionless)."""
-    bow_weight: float = 0.02
-    """Weight of the squared bows of the internal edges: keeps lines calm where they matter little (dimensionless)."""
-    epsilon: float = 0.1
-    """Determinant, relative to the wanted cell's, below which a cell counts as nearly folded (dimensionless)."""
-    iterations: int = 15
-    """L-BFGS steps per round."""
-    rounds: int = 2
-    """Rounds; wanted sizes, layers and grading are renewed before each."""
 
 
 @dataclass(frozen=True, eq=False)

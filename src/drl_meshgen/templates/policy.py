@@ -10,7 +10,8 @@ from drl_meshgen.errors import InputError
 from drl_meshgen.templates.corners import corner_pairs, rank_corners
 from drl_meshgen.templates.domain import Domain
 from drl_meshgen.templates.o_type import OParameters
-from drl_meshgen.templates.placement import Placement, PlacementOptions, Size, place, start_of
+from drl_meshgen.templates.options import PlacementOptions, Size
+from drl_meshgen.templates.placement import Placement, place, start_of
 from drl_meshgen.templates.sketch import Sketch
 
 
@@ -46,8 +47,9 @@ class RulePolicy:
         local = Domain(frame.to_local(domain.nodes))
         wanted = boundary_size(local) if size is None else lambda p: size(frame.to_world(p)) / frame.scale
         i0, m = corner_pairs(len(local))
-        for keep, divisions, coarse_layers in ((self.shortlist, 2, 1), (self.finalists, 4, 2)):
-            score = rank_corners(local.nodes, i0, m, divisions, coarse_layers)
+        steps = (self.shortlist, (2, 1), wanted(local.nodes)), (self.finalists, (4, 2), wanted)
+        for keep, resolution, sizes in steps:
+            score = rank_corners(local.nodes, (i0, m), resolution, sizes, self.placement)
             best = np.argsort(score, kind="stable")[:keep]
             i0, m = i0[best], m[best]
         sketches = [Sketch.of(local, a, b, self.divisions, 3) for a, b in zip(i0.tolist(), m.tolist(), strict=True)]
