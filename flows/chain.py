@@ -56,7 +56,7 @@ def _artifacts(refs: Mapping[str, str]) -> dict[str, ArtifactRef]:
 
 def _failed(surface: str, refs: Mapping[str, str], stage: str, error: BaseException) -> Outcome:
     if isinstance(error, MeshgenError):
-        sentence = str(error) if str(error).startswith(surface) else f"{surface}: {error}"
+        sentence = str(error) if surface in str(error) else f"{surface}: {error}"
         return Outcome(surface, _artifacts(refs), sentence, error.exit_code)
     get_run_logger().error("".join(traceback.format_exception(error)))
     sentence = f"{surface}: internal error in stage {stage}: {type(error).__name__}: {error}"

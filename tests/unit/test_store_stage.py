@@ -7,6 +7,7 @@ import pytest
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.store import Store, ancestors, execute
+from drl_meshgen.store.canonical import file_digest
 from tests.flow.toys import DOUBLE, NUMBER, STAGES, TOTAL, DoubleOptions, NumberOptions, calls
 
 
@@ -123,3 +124,9 @@ def test_the_text_of_a_stage_s_own_functions_belongs_to_its_source():
 
     assert replace(DOUBLE, run=other).source != DOUBLE.source
     assert replace(DOUBLE, run=timed).source == DOUBLE.source
+
+
+def test_an_unreadable_file_in_the_identity_is_bad_input(tmp_path):
+    stage = replace(NUMBER, identity=lambda _options: file_digest(tmp_path / "none.stl"))
+    with pytest.raises(InputError, match=r"none\.stl: no such file or directory"):
+        execute([stage], store=Store(tmp_path))

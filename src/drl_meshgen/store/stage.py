@@ -7,6 +7,7 @@ from functools import wraps
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+from drl_meshgen.errors import InputError
 from drl_meshgen.store.canonical import digest
 from drl_meshgen.store.ref import ArtifactRef, Recipe
 from drl_meshgen.store.source import function_source, source_digest
@@ -48,9 +49,16 @@ class Stage(Generic[O, R]):
     """What of the options the result depends on; a stage that reads a file puts its content's hash for its path."""
 
     def recipe(self, refs: Mapping[str, ArtifactRef], options: O) -> Recipe:
-        """Return what the result depends on, given (at least) the artifacts of the stages in `inputs`."""
+        """Return what the result depends on, given (at least) the artifacts of the stages in `inputs`.
+
+        Raises `InputError` where a file that belongs to the identity cannot be read.
+        """
         upstream = {name: refs[name] for name in self.inputs}
-        return Recipe.of(self.name, self.version, self.source, upstream, self.identity(options))
+        try:
+            identity = self.identity(options)
+        except OSError as error:
+            raise InputError(str(error.filename), (error.strerror or str(error)).lower()) from error
+        return Recipe.of(self.name, self.version, self.source, upstream, identity)
 
     @property
     def source(self) -> str:
