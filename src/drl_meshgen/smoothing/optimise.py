@@ -73,6 +73,8 @@ def optimise(
         if record.rows[-1]["invalid"]:
             state = unfold(space, energy, referee, state, options)
             record.judge(f"unfold {k + 1}", state)
+    if record.rows[-1]["invalid"]:
+        record.judge("search", search(space, referee, state))
     state = record.state
     for k in range(options.repair_rounds):
         rings = options.repair_rings + k

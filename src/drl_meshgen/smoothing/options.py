@@ -20,9 +20,9 @@ class SmoothingOutcome(Enum):
 class SmoothingOptions:
     """Weights, limits and effort of the node optimiser."""
 
-    area_weight: float = 0.3
+    area_weight: float = 0.6
     """Weight of the log ratio of the areas of edge-adjacent quads, relative to a corner angle in radians."""
-    aspect_weight: float = 0.1
+    aspect_weight: float = 0.2
     """Weight of the log ratio of the two mean side lengths of a quad, relative to a corner angle in radians."""
     warp_weight: float = 0.1
     """Weight of the dihedral angle at each diagonal of a quad, relative to a corner angle in radians."""
