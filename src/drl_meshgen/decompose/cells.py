@@ -46,6 +46,12 @@ class Cell:
     sides: tuple[tuple[int, bool], ...]
     starts: Int[np.ndarray, " s"]
 
+    @property
+    def theta_shares(self) -> Float[np.ndarray, " s"]:
+        """Share of the period of theta that each side takes."""
+        at = self.ring.unwrapped(self.ring.outer)[self.starts]
+        return np.diff(np.r_[at, at[0] + 1])
+
 
 def submesh(mesh: TriMesh, faces: Int[np.ndarray, " f"]) -> tuple[TriMesh, Int[np.ndarray, " v"]]:
     """The triangles `faces` as a mesh of their own and the ids of its vertices."""

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from drl_meshgen.decompose.cells import Cell, Ring, cells, ring_between, submesh
-from drl_meshgen.decompose.spine import Spine, loop_distance, spine
+from drl_meshgen.decompose.spine import Spine, loop_distances, nearest_distance, spine
 from drl_meshgen.errors import StageError
 from drl_meshgen.lift.harmonic import disk_chart
 from drl_meshgen.mesh import TriMesh
@@ -43,6 +43,21 @@ class Junction:
         """Length of each spine edge (model units)."""
         steps = [np.linalg.norm(np.diff(self.points[path], axis=0), axis=1) for path in self.spine.paths]
         return np.array([step.sum() for step in steps])
+
+    @property
+    def distortion(self) -> float:
+        """Largest over the cells of the relative entropy between shares of length and of theta along the spine.
+
+        0 when theta runs evenly along the outer loop; large when much of the spine sits in a pocket of its cell, where
+        the columns of a chart crowd.
+        """
+        lengths = self.lengths
+        worst = 0.0
+        for cell in self.cells:
+            share = lengths[[edge for edge, _ in cell.sides]]
+            share = share / share.sum()
+            worst = max(worst, float((share * np.log(share / np.maximum(cell.theta_shares, 1e-9))).sum()))
+        return worst
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +99,8 @@ class Pieces:
 
 
 def pieces(partition: Partition, exponents: tuple[float, ...]) -> Pieces:
-    """Chart every region. Junction `k` measures its distances with `exponents[k % len]` (see `loop_distance`).
+    """Chart every region. Every junction is opened once for each of `exponents` (see `nearest_distance`); the
+    candidate whose worst cell is least distorted stays.
 
     Raises `StageError` when a region does not have the shape that its kind promises.
     """
@@ -100,8 +116,7 @@ def pieces(partition: Partition, exponents: tuple[float, ...]) -> Pieces:
                 raise StageError("decompose", PieceOutcome.NOT_A_RING, f"region {r}")
             tubes.append(Tube((first, second), ring))
         else:
-            exponent = exponents[len(junctions) % len(exponents)]
-            junctions.append(_junction(partition, mesh, ids, region.loops, exponent, r))
+            junctions.append(_junction(partition, mesh, ids, region.loops, exponents, r))
     return Pieces(tuple(junctions), tuple(tubes), tuple(caps))
 
 
@@ -114,7 +129,7 @@ def _cap(curve: int, mesh: TriMesh, ids: np.ndarray) -> Cap:
 
 
 def _junction(
-    partition: Partition, mesh: TriMesh, ids: np.ndarray, curves: tuple[int, ...], exponent: float, r: int
+    partition: Partition, mesh: TriMesh, ids: np.ndarray, curves: tuple[int, ...], exponents: tuple[float, ...], r: int
 ) -> Junction:
     on_curve = {c: set(partition.curves[c].vertices.tolist()) for c in curves}
     fine = mesh
@@ -123,13 +138,18 @@ def _junction(
         loops = tuple(
             next(loop for loop in fine.topology.loops if int(_old(loop, ids)[0]) in on_curve[c]) for c in curves
         )
-        graph = spine(fine, loop_distance(fine, loops, exponent=exponent))
-        found = cells(fine, graph, loops)
-        if found is not None:
-            known = np.full(len(fine.vertices), -1)
-            known[: len(ids)] = ids
-            placed = tuple(replace(cell, ring=replace(cell.ring, origin=known[cell.ring.origin])) for cell in found)
-            return Junction(fine.vertices, graph, curves, placed)
+        distances = loop_distances(fine, loops)
+        known = np.full(len(fine.vertices), -1)
+        known[: len(ids)] = ids
+        candidates = []
+        for exponent in exponents:
+            graph = spine(fine, nearest_distance(fine, loops, distances, exponent))
+            found = cells(fine, graph, loops)
+            if found is not None:
+                placed = tuple(replace(cell, ring=replace(cell.ring, origin=known[cell.ring.origin])) for cell in found)
+                candidates.append(Junction(fine.vertices, graph, curves, placed))
+        if candidates:
+            return min(candidates, key=lambda junction: junction.distortion)
     raise StageError("decompose", PieceOutcome.NO_RINGS, f"region {r} with {len(curves)} loops")
 
 

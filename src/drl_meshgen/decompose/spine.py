@@ -32,27 +32,36 @@ class Spine:
         return np.bincount(np.array(self.ends, np.int64).ravel(), minlength=len(self.nodes))
 
 
-def loop_distance(
-    mesh: TriMesh, loops: tuple[Int[np.ndarray, " n"], ...], *, exponent: float
-) -> Float[np.ndarray, " v"]:
-    """Smooth distance to the nearest loop, each distance divided by (loop length) ** `exponent`.
+def loop_distances(mesh: TriMesh, loops: tuple[Int[np.ndarray, " n"], ...]) -> Float[np.ndarray, "v k"]:
+    """Smooth distance to each of `k` loops (model units).
 
-    Distances follow Varadhan's formula `-s log(w / w_loop)` with `(M + s^2 L) w = source on the loop`. An exponent of
-    0 gives the cut locus proper; 1 leaves more room to long loops.
+    Varadhan's formula `-s log(w / w_loop)` with `(M + s^2 L) w = source on the loop`, one factorisation for all.
     """
     matrix = stiffness(mesh, corner_weights(mesh))
     mass = np.zeros(len(mesh.vertices))
     for k in range(3):
         mass += np.bincount(mesh.triangles[:, k], mesh.areas / 3, len(mass))
-    lengths = np.array([loop_length(mesh, loop) for loop in loops])
-    scale = float(np.median(lengths)) / 12
+    scale = float(np.median([loop_length(mesh, loop) for loop in loops])) / 12
     source = np.zeros((len(mass), len(loops)))
     for n, loop in enumerate(loops):
         source[loop, n] = 1.0
     w = np.maximum(factorised((diags(mass) + scale**2 * matrix).tocsc()).solve(source), 1e-300)
     level = np.array([np.exp(np.log(w[loop, n]).mean()) for n, loop in enumerate(loops)])
-    distance = -scale * np.log(w / level) / (lengths / lengths.max()) ** exponent
-    distance = distance.min(1)
+    return -scale * np.log(w / level)
+
+
+def nearest_distance(
+    mesh: TriMesh,
+    loops: tuple[Int[np.ndarray, " n"], ...],
+    distances: Float[np.ndarray, "v k"],
+    exponent: float,
+) -> Float[np.ndarray, " v"]:
+    """Distance to the nearest loop, each divided by (loop length) ** `exponent`; least on the loops themselves.
+
+    An exponent of 0 gives the cut locus proper; 1 leaves more room to long loops.
+    """
+    lengths = np.array([loop_length(mesh, loop) for loop in loops])
+    distance = (distances / (lengths / lengths.max()) ** exponent).min(1)
     distance[np.concatenate(loops)] = distance.min() - 2 * np.ptp(distance)  # what touches a loop is collapsed first
     return distance
 

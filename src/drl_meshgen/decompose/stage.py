@@ -18,8 +18,8 @@ class DecomposeOptions:
     """Wanted number of quads (count); ignored where `target_edge` is given."""
     target_edge: float = 0.0
     """Wanted edge length (model units); 0 derives it from `target_quads`."""
-    exponents: tuple[float, ...] = (0.5,)
-    """Power of a loop's length that its distance is divided by, junction after junction (see `loop_distance`)."""
+    exponents: tuple[float, ...] = (0.0, 1.0)
+    """Powers of a loop's length that its distance is divided by, one candidate spine each (see `nearest_distance`)."""
     least_columns: int = 2
     """Fewest quads along a spine edge (count)."""
     least_rows: int = 2

@@ -4,6 +4,7 @@ Weights are half cotangents, floored to stay positive, so that Tutte's theorem a
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -105,17 +106,20 @@ def _jump(mesh: TriMesh, first: np.ndarray, second: np.ndarray) -> Float[np.ndar
     while before[path[-1]] >= 0:
         path.append(int(before[path[-1]]))
     path = path[::-1]
-    lookup = {tuple(e): i for i, e in enumerate(edges.tolist())}
+    steps = np.sort(np.c_[path[:-1], path[1:]], axis=1)
     flags = np.zeros(len(edges), bool)
-    flags[[lookup[min(a, b), max(a, b)] for a, b in zip(path, path[1:], strict=False)]] = True
+    flags[np.searchsorted(edges[:, 0] * n + edges[:, 1], steps[:, 0] * n + steps[:, 1])] = True
     classes = corner_classes(mesh.topology, flags)
     tri = mesh.triangles
+    ahead = dict(pairwise(path))
+    on_path = np.zeros(n, bool)
+    on_path[path] = True
     left: set[int] = set()
-    for a, b in zip(path, path[1:], strict=False):
+    for f in np.nonzero(on_path[tri].sum(1) > 1)[0].tolist():
         for k in range(3):
-            hit = np.nonzero((tri[:, k] == a) & (tri[:, (k + 1) % 3] == b))[0]
-            if len(hit):
-                left |= {int(classes[hit[0], k]), int(classes[hit[0], (k + 1) % 3])}
+            a, b = int(tri[f, k]), int(tri[f, (k + 1) % 3])
+            if ahead.get(a) == b:
+                left |= {int(classes[f, k]), int(classes[f, (k + 1) % 3])}
     return np.isin(classes, sorted(left)).astype(float)
 
 
