@@ -1,0 +1,30 @@
+"""The mesh flow on a real surface."""
+
+import pytest
+
+from drl_meshgen.pipeline import STAGES, MeshOptions, run
+from drl_meshgen.store import Store
+from flows.chain import exit_code
+from flows.mesh import TASKS, mesh
+
+SMALL = {"target_quads": 300, "triangles": 5000}
+
+
+def test_every_stage_has_its_task_in_order():
+    assert list(TASKS) == [stage.name for stage in STAGES]
+
+
+@pytest.mark.usefixtures("server")
+def test_the_flow_and_the_library_leave_the_same_bytes_and_a_bad_file_spoils_nothing(tmp_path):
+    (tmp_path / "empty.stl").touch()
+    store = tmp_path / "flow"
+    state = mesh([str(tmp_path / "empty.stl"), "hemisphere"], **SMALL, store=str(store), return_state=True)
+    bad, good = state.data.result
+    assert state.is_failed()
+    assert state.message == bad.failure
+    assert "empty.stl" in bad.failure
+    assert bad.exit_code == 3
+    assert good.failure == ""
+    assert exit_code([bad, good]) == 5
+    alone = run("hemisphere", MeshOptions().sized(300), triangles=5000, store=Store(tmp_path / "library"))
+    assert good.refs == alone.refs
