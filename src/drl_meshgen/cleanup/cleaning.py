@@ -8,7 +8,7 @@ import pandas as pd
 
 from drl_meshgen.cleanup import repair
 from drl_meshgen.cleanup.meshlab import remesh_isotropic
-from drl_meshgen.cleanup.refine import refined
+from drl_meshgen.cleanup.refine import refined, widened_necks
 from drl_meshgen.cleanup.repair import CleanupWarning
 from drl_meshgen.errors import InputError
 from drl_meshgen.mesh import TriMesh
@@ -98,6 +98,8 @@ def clean(raw: RawSurface, options: CleanupOptions = CleanupOptions()) -> Cleanu
         _check_topology(raw.name, surface.topology)
     surface, rounds = refined(surface, options.min_triangles)
     audit.add("refine by midpoints", rounds, f"{len(surface.triangles)} triangles")
+    surface, necks = widened_necks(surface)
+    audit.add("widen necks of three edges", necks)
     slivers = int((repair.flatness(surface.vertices / scale, surface.triangles) < 0.02).sum())
     audit.add("slivers left", slivers, "height below 2 % of the longest side; kept")
     return CleanupResult(surface, audit.table())
