@@ -51,12 +51,17 @@ class MeshOptions:
     partition: PartitionOptions = field(default_factory=PartitionOptions)
     decompose: DecomposeOptions = field(default_factory=DecomposeOptions)
     smoothing: SmoothingOptions = field(default_factory=SmoothingOptions)
+    seed: int = 0
+    """Seed of whatever is random; no stage is at present, so it changes nothing but what is recorded."""
 
     def sized(self, target_quads: int | None = None, target_edge: float | None = None) -> "MeshOptions":
-        """Return these options with another size of the mesh; None leaves it as it is."""
-        size = {"target_quads": target_quads, "target_edge": target_edge}
-        given = {name: value for name, value in size.items() if value is not None}
-        return replace(self, decompose=replace(self.decompose, **given))
+        """Return these options with another size of the mesh; None leaves it as it is.
+
+        A number of quads takes the place of an edge length that was set before.
+        """
+        size = {} if target_quads is None else {"target_quads": target_quads, "target_edge": 0.0}
+        size |= {} if target_edge is None else {"target_edge": target_edge}
+        return replace(self, decompose=replace(self.decompose, **size))
 
     def by_stage(self, source: str, triangles: int = ModelOptions.triangles) -> dict[str, object]:
         """Options of every stage that has any, for a run on `source`."""

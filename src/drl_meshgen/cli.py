@@ -1,0 +1,143 @@
+"""The command line: arguments in, core calls, exit code out."""
+
+import sys
+import traceback
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drl_meshgen import __version__
+from drl_meshgen.errors import MeshgenError
+
+EXIT_CODES = """Exit codes: 0 fine, 1 internal error or a stage without a result, 2 usage, 3 bad input, 4 meshed but below
+the quality gate, 5 some of several inputs failed."""
+
+app = typer.Typer(
+    help="Block-structured quad meshes of triangulated surfaces, without anybody at the keyboard.",
+    epilog=EXIT_CODES,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an unexpected error.")]
+
+
+def _version(*, wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"drl-meshgen {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    *, version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print it.")] = False
+) -> None:
+    pass
+
+
+@app.command(epilog=EXIT_CODES)
+def mesh(
+    inputs: Annotated[
+        list[str],
+        typer.Argument(metavar="INPUT", help="Names (hemisphere, giraffe, hand) or files (STL PLY OBJ OFF VTP VTU)."),
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", file_okay=False, help="Gets one folder per input.")],
+    *,
+    target_quads: Annotated[
+        int | None, typer.Option(metavar="N", min=4, help="Wanted number of quads (4000 unless told).")
+    ] = None,
+    target_edge: Annotated[
+        float | None, typer.Option(metavar="H", help="Wanted edge length in the units of the input.")
+    ] = None,
+    triangles: Annotated[int, typer.Option(metavar="N", help="Size of generated models.")] = 25_000,
+    seed: Annotated[
+        int | None, typer.Option(metavar="S", help="Seed of whatever is random, recorded with the options.")
+    ] = None,
+    config: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.toml", exists=True, dir_okay=False, help="Options of all stages, one table each."),
+    ] = None,
+    remesh: Annotated[bool, typer.Option("--remesh", help="Remesh the input isotropically first.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Refuse inputs of several components.")] = False,
+    timings: Annotated[bool, typer.Option("--timings", help="Print the time of every stage.")] = False,
+    no_pictures: Annotated[bool, typer.Option("--no-pictures", help="Write no PNG files.")] = False,
+    store: Annotated[
+        Path | None, typer.Option(metavar="DIR", file_okay=False, help="Keep stage results here and reuse them.")
+    ] = None,
+    debug: Debug = False,
+) -> None:
+    """Mesh surfaces by structured quadrilateral blocks.
+
+    Writes mesh.vtu, layout.vtu, blocks.parquet, edges.parquet, quality.parquet, surface.ply, options.toml and pictures
+    to DIR/NAME. NAME is the model or the file without its suffix; where names coincide, -2, -3 ... is appended.
+    """
+    if target_quads is not None and target_edge is not None:
+        raise typer.BadParameter("give --target-quads or --target-edge, not both")
+    if target_edge is not None and not 0 < target_edge < float("inf"):
+        raise typer.BadParameter("--target-edge must be a positive length")
+
+    def command() -> int:
+        from drl_meshgen.commands.meshing import Request, mesh_all
+        from drl_meshgen.commands.settings import read_settings
+        from drl_meshgen.pipeline import MeshOptions
+        from drl_meshgen.store import Store
+
+        options = MeshOptions() if config is None else read_settings(config)
+        options = options.sized(target_quads, target_edge)
+        cleanup = replace(
+            options.cleanup, remesh=remesh or options.cleanup.remesh, strict=strict or options.cleanup.strict
+        )
+        options = replace(options, cleanup=cleanup, seed=options.seed if seed is None else seed)
+        kept = None if store is None else Store(store)
+        return mesh_all(
+            Request(inputs, out, options, triangles, kept, pictures=not no_pictures, timings=timings, debug=debug)
+        )
+
+    _run(command, debug=debug)
+
+
+@app.command(epilog=EXIT_CODES)
+def check(
+    mesh: Annotated[Path, typer.Argument(metavar="MESH", help="Quad mesh in any format that VTK reads.")],
+    *,
+    surface: Annotated[
+        Path | None, typer.Option(metavar="S", help="Surface it should lie on; adds deviation and topology.")
+    ] = None,
+    debug: Debug = False,
+) -> None:
+    """Print the metrics of a quad mesh; exit code 4 where it has defects or is below the quality gate."""
+
+    def command() -> int:
+        from drl_meshgen.commands.checking import check as run
+
+        return run(mesh, surface)
+
+    _run(command, debug=debug)
+
+
+def _run(command: Callable[[], int], *, debug: bool) -> None:
+    """Run a command and leave with its exit code; nobody sees a traceback who did not ask for it."""
+    try:
+        code = command()
+    except MeshgenError as error:
+        typer.echo(str(error), err=True)
+        code = error.exit_code
+    except Exception as error:  # noqa: BLE001 - the last line of defence
+        typer.echo(f"internal error: {type(error).__name__}: {error}; --debug shows where", err=True)
+        if debug:
+            traceback.print_exception(error)
+        code = 1
+    raise typer.Exit(code)
+
+
+def main() -> None:
+    """Entry point of `drl-meshgen`."""
+    app(prog_name="drl-meshgen")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,153 @@
+"""The `mesh` command: one input after another, a verdict for each."""
+
+import sys
+import time
+import traceback
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from drl_meshgen import pipeline
+from drl_meshgen.commands.output import complete, folder_names, write_results
+from drl_meshgen.errors import InputError, MeshgenError
+from drl_meshgen.models import MODELS
+from drl_meshgen.pipeline import MeshOptions
+from drl_meshgen.quality import Quality, gate
+from drl_meshgen.store import Execution, Store
+from drl_meshgen.store import Progress as Step
+
+FINE, INTERNAL, BELOW_GATE, SOME_FAILED = 0, 1, 4, 5
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to mesh and what to write."""
+
+    sources: Sequence[str]
+    """Model names and files."""
+    out: Path
+    """Folder that gets one folder per input."""
+    options: MeshOptions
+    """Options of all stages."""
+    triangles: int
+    """Size of generated models (count)."""
+    store: Store | None = None
+    """Where stage results are kept and looked up; None: nowhere."""
+    pictures: bool = True
+    """Write pictures too."""
+    timings: bool = False
+    """Print how long each stage took."""
+    debug: bool = False
+    """Show the traceback of an unexpected error."""
+
+
+def mesh_all(request: Request) -> int:
+    """Mesh all inputs and return the exit code; a failed input does not stop the others.
+
+    A single input gives its own code. Of several, 5 where any failed, else 4 where any is below the gate.
+    """
+    codes = []
+    for source, name in zip(request.sources, folder_names(request.sources), strict=True):
+        with _failures_told(_label(source), debug=request.debug) as code:
+            code.append(_mesh_one(request, source, name))
+        codes.append(code[-1])
+    if len(codes) == 1:
+        return codes[0]
+    if any(code not in (FINE, BELOW_GATE) for code in codes):
+        return SOME_FAILED
+    return max(codes)
+
+
+def _label(source: str) -> str:
+    return source if source in MODELS else Path(source).name or source
+
+
+@contextmanager
+def _failures_told(label: str, *, debug: bool) -> Iterator[list[int]]:
+    """Turn what goes wrong with one input into one sentence on standard error and an exit code."""
+    codes: list[int] = []
+    try:
+        yield codes
+    except InputError as error:
+        codes.append(error.exit_code)
+        typer.echo(str(InputError(label, error.defect, error.remedy)), err=True)
+    except MeshgenError as error:
+        codes.append(error.exit_code)
+        typer.echo(f"{label}: {error}", err=True)
+    except OSError as error:
+        codes.append(INTERNAL)
+        typer.echo(f"{label}: {error.strerror or error}: {error.filename or ''}".rstrip(": "), err=True)
+    except Exception as error:  # noqa: BLE001 - the other inputs shall have their turn
+        codes.append(INTERNAL)
+        typer.echo(f"{label}: internal error: {_sentence(error)}; --debug shows where", err=True)
+        if debug:
+            traceback.print_exception(error)
+
+
+def _sentence(error: BaseException) -> str:
+    lines = str(error).strip().splitlines()
+    return type(error).__name__ + (f": {lines[0]}" if lines else "")
+
+
+def _mesh_one(request: Request, source: str, name: str) -> int:
+    label, start = _label(source), time.perf_counter()
+    with warnings.catch_warnings(record=True) as caught, _bar(name) as show:
+        warnings.simplefilter("always")
+        done = pipeline.run(source, request.options, triangles=request.triangles, store=request.store, progress=show)
+        quality: Quality = done["quality"]
+        with complete(request.out / name) as folder:
+            write_results(folder, done, request.options)
+    for warning in caught:
+        if warning.category.__module__.startswith("drl_meshgen"):
+            typer.echo(f"warning: {warning.message}", err=True)
+    typer.echo(verdict(name, quality, time.perf_counter() - start))
+    if request.timings:
+        typer.echo(timing_table(done))
+    failed = gate(quality)
+    if failed:
+        typer.echo(f"{label}: below the quality gate: {'; '.join(failed)}", err=True)
+    return BELOW_GATE if failed else FINE
+
+
+def verdict(name: str, quality: Quality, seconds: float) -> str:
+    """Return one line on a mesh: quads, blocks, irregular nodes, extreme angles, time."""
+    m = quality.metrics
+    return (
+        f"{name:<16} {m['quads']:6.0f} quads  {m['named_blocks']:3.0f} blocks  {m['irregular']:3.0f} irregular  "
+        f"angles {m['min_angle']:5.1f} to {m['max_angle']:5.1f}  {seconds:6.1f} s"
+    )
+
+
+def timing_table(done: Execution) -> str:
+    """Return one line per stage with its time, and their sum."""
+    rows = [f"  {t.stage:<14} {t.seconds:8.3f} s{'  from the store' if t.cached else ''}" for t in done.timings]
+    return "\n".join([*rows, f"  {'all stages':<14} {sum(t.seconds for t in done.timings):8.3f} s"])
+
+
+@contextmanager
+def _bar(name: str) -> Iterator[Callable[[Step], None] | None]:
+    """Show a progress bar with the stage's name while standard error is a terminal."""
+    console = Console(file=sys.stderr)
+    if not console.is_terminal:
+        yield None
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[stage]:<12}"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task(f"{name:<16}", total=None, stage="")
+
+        def show(step: Step) -> None:
+            finished = step.index + (step.timing is not None)
+            progress.update(task, completed=finished, total=step.total, stage=step.stage)
+
+        yield show
