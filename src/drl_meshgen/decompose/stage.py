@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Int
 
+from drl_meshgen.decompose.cells import Ring
 from drl_meshgen.decompose.counts import CountProblem, solve_counts
 from drl_meshgen.decompose.pieces import Pieces, pieces
 from drl_meshgen.partition import Partition
@@ -99,8 +100,11 @@ def _counted(partition: Partition, parts: Pieces, options: DecomposeOptions, spa
     counts = solve_counts(problem)
     around = counts[n_edges:]
 
-    def rows(n: int, modulus: float, least_rows: int) -> int:
-        return max(least_rows, round(n * modulus))
+    def rows(n: int, ring: Ring, least_rows: int) -> int:
+        """Rows of square cells, meeting those of the wanted spacing half way (geometric mean)."""
+        square = n * ring.chart.modulus
+        height = np.sqrt(ring.mesh.area * ring.chart.modulus)
+        return max(least_rows, round(float(np.sqrt(square * height / spacing))))
 
     return Layout(
         parts,
@@ -109,13 +113,13 @@ def _counted(partition: Partition, parts: Pieces, options: DecomposeOptions, spa
         tuple(
             np.array(
                 [
-                    rows(around[c], cell.ring.chart.modulus, options.least_rows)
+                    rows(around[c], cell.ring, options.least_rows)
                     for c, cell in zip(junction.curves, junction.cells, strict=True)
                 ]
             )
             for junction in parts.junctions
         ),
-        np.array([rows(around[t.curves[0]], t.ring.chart.modulus, 1) for t in parts.tubes], np.int64),
+        np.array([rows(around[t.curves[0]], t.ring, 1) for t in parts.tubes], np.int64),
         spacing,
     )
 
