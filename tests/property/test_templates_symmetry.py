@@ -23,7 +23,7 @@ def same_nodes(mesh, points):
     return len(mesh.points) == len(points) and gap.min(axis=1).max() < 1e-5 and gap.min(axis=0).max() < 1e-5
 
 
-@settings(max_examples=6, deadline=None, derandomize=True)
+@settings(max_examples=4, deadline=None, derandomize=True)
 @given(st.integers(0, 50), st.floats(0, 6), st.floats(1e-3, 1e3), st.floats(-5, 5))
 def test_a_similarity_of_the_boundary_is_one_of_the_mesh(seed, angle, scale, shift):
     turn = scale * np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
@@ -34,14 +34,14 @@ def test_a_similarity_of_the_boundary_is_one_of_the_mesh(seed, angle, scale, shi
     assert (moved.points - shift) / scale == pytest.approx((mesh.points @ turn) / scale, abs=1e-5)
 
 
-@settings(max_examples=6, deadline=None, derandomize=True)
+@settings(max_examples=4, deadline=None, derandomize=True)
 @given(st.integers(0, 50), st.integers(1, COUNT - 1))
 def test_renumbering_the_boundary_gives_the_same_nodes(seed, shift):
     boundary = wobbly(seed)
     assert same_nodes(fill_cap(np.roll(boundary, shift, axis=0)), fill_cap(boundary).points)
 
 
-@settings(max_examples=6, deadline=None, derandomize=True)
+@settings(max_examples=4, deadline=None, derandomize=True)
 @given(st.integers(0, 50))
 def test_mirroring_the_boundary_mirrors_the_nodes(seed):
     boundary = wobbly(seed)
@@ -49,7 +49,7 @@ def test_mirroring_the_boundary_mirrors_the_nodes(seed):
     assert same_nodes(fill_cap(mirrored), fill_cap(boundary).points * [-1, 1])
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None, derandomize=True)
 @given(st.integers(0, 10_000), st.integers(4, 30))
 def test_uneven_and_mildly_non_convex_boundaries_give_valid_meshes(seed, half):
     mesh = fill_cap(wobbly(seed, 2 * half))

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from drl_meshgen.templates.mesh import grid_quads
-from drl_meshgen.templates.o_type import grids, positions
+from drl_meshgen.templates.o_type import grids
 from drl_meshgen.templates.options import PlacementOptions, Size
 
 
@@ -14,7 +14,7 @@ from drl_meshgen.templates.options import PlacementOptions, Size
 def reference(divisions: int, layers: int) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
     """Return the matrix from 4 x divisions boundary points to all points of a coarse O-grid, and its grids.
 
-    Singular points by Tutte's embedding of the coarse grid graph, edges straight, evenly divided.
+    Every node lies at the mean of its neighbours: Tutte's embedding, linear in the boundary.
     """
     size = 4 * divisions
     blocks = grids(0, divisions, divisions, layers)
@@ -24,27 +24,27 @@ def reference(divisions: int, layers: int) -> tuple[np.ndarray, tuple[np.ndarray
     adjacency = np.zeros((total, total))
     adjacency[pairs[:, 0], pairs[:, 1]] = adjacency[pairs[:, 1], pairs[:, 0]] = 1.0
     laplacian = np.diag(adjacency.sum(axis=1)) - adjacency
-    tutte = np.linalg.solve(laplacian[size:, size:], -laplacian[size:, :size])
-    corner = size * (layers - 1) + divisions * np.arange(4)
-    even = np.linspace(0, 1, divisions + 1)
-    straight = np.zeros((8, 2, size))
-    matrix = positions(
-        np.eye(size),
-        tutte[corner],
-        straight,
-        corners=(0, divisions, divisions),
-        radial=np.linspace(0, 1, layers + 1),
-        fractions=(even,) * 4,
-    )
-    return matrix, blocks
+    inner = np.linalg.solve(laplacian[size:, size:], -laplacian[size:, :size])
+    return np.concatenate([np.eye(size), inner]), blocks
 
 
-def corner_pairs(boundary: int) -> tuple[Int[np.ndarray, " c"], Int[np.ndarray, " c"]]:
-    """Return every distinct choice of corners `(i0, m)` of a boundary with that many nodes, `m <= n`."""
+def corner_pairs(boundary: int, counts: int) -> tuple[Int[np.ndarray, " c"], Int[np.ndarray, " c"]]:
+    """Return the distinct choices of corners `(i0, m)`, `m <= n`, of a boundary with that many nodes.
+
+    All positions for at most `counts` evenly spaced values of m, the largest of them (the squarest core) included.
+    """
     half = boundary // 2
-    pairs = [(i0, m) for m in range(1, half // 2 + 1) for i0 in range(m if 2 * m == half else half)]
+    values = half // 2 - np.unique(np.linspace(0, half // 2 - 1, min(counts, half // 2)).round().astype(np.int64))
+    pairs = [(i0, m) for m in sorted(values.tolist()) for i0 in range(m if 2 * m == half else half)]
     i0, m = np.array(pairs).T
     return i0, m
+
+
+def best_per_count(m: Int[np.ndarray, " c"], score: Float[np.ndarray, " c"], keep: int) -> Int[np.ndarray, " k"]:
+    """Return the `keep` choices of lowest score for each `m`, by increasing `m` and score."""
+    order = np.lexsort((score, m))
+    place = np.arange(len(m)) - np.searchsorted(m[order], m[order])
+    return order[place < keep]
 
 
 def rank_corners(
@@ -56,7 +56,7 @@ def rank_corners(
 ) -> Float[np.ndarray, " c"]:
     """Return the energy of a coarse O-grid for each choice of corners `(i0, m)`, lower is better.
 
-    Straight edges, Tutte's singular points, `resolution` = (cells per side, layers); each has the (fractional) number
+    Points by Tutte's embedding, `resolution` = (cells per side, layers); each has the (fractional) number
     of layers that makes its outer cells square on average. `size` is the wanted edge length as a function, or at the
     boundary nodes, from where its logarithm is interpolated like the points (cheaper).
     """

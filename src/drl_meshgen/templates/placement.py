@@ -16,6 +16,7 @@ from drl_meshgen.templates.options import PlacementOptions, Size
 from drl_meshgen.templates.sketch import Sketch
 
 MAX_LAYERS = 200
+MAX_BOW = 0.25
 #: Sizes of the core tried at the start, relative to Tutte's.
 SCALES = (1.25, 1.0, 0.8, 0.64, 0.5, 0.35, 0.22, 0.12)
 
@@ -57,8 +58,8 @@ def _normals(sketch: Sketch, singular: Float[np.ndarray, "4 2"]) -> Float[np.nda
     return chords @ TURN
 
 
-def tutte(sketch: Sketch) -> Float[np.ndarray, "4 2"]:
-    """Return singular points by Tutte's embedding of a coarse grid graph on the sketch's corners."""
+def tutte(sketch: Sketch) -> tuple[Float[np.ndarray, "4 2"], Float[np.ndarray, " 8"]]:
+    """Return singular points and bows read off Tutte's embedding of a coarse grid graph on the sketch's corners."""
     divisions, layers = 4, 2
     matrix, _ = reference(divisions, layers)
     _, a, b = sketch.coarse
@@ -66,7 +67,12 @@ def tutte(sketch: Sketch) -> Float[np.ndarray, "4 2"]:
     index = np.concatenate([s + c * t for s, c in zip((0, a, a + b, 2 * a + b), (a, b, a, b), strict=True)])
     loop = np.concatenate([sketch.rim, sketch.rim[:1]])
     rim = np.stack([np.interp(index, np.arange(len(loop)), axis) for axis in loop.T], axis=1)
-    return matrix[4 * divisions * layers + divisions * np.arange(4)] @ rim
+    core = matrix[4 * divisions * layers :][: 4 * divisions] @ rim
+    singular, middle = core[::divisions], core[divisions // 2 :: divisions]
+    ahead = np.roll(singular, -1, axis=0)
+    normal = (ahead - singular) @ TURN
+    height = ((middle - (singular + ahead) / 2) * normal).sum(axis=1) / (normal**2).sum(axis=1)
+    return singular, np.concatenate([np.zeros(4), height.clip(-MAX_BOW, MAX_BOW)])
 
 
 def thickness_ratio(sketch: Sketch, singular: Float[np.ndarray, "4 2"]) -> float:
@@ -78,7 +84,7 @@ def thickness_ratio(sketch: Sketch, singular: Float[np.ndarray, "4 2"]) -> float
 def place(
     sketch: Sketch, size: Size, layers: int | None, options: PlacementOptions, start: tuple[float, float]
 ) -> Placement:
-    """Return the parameters of least energy found by L-BFGS from straight edges and Tutte's singular points.
+    """Return the parameters of least energy found by L-BFGS from Tutte's embedding.
 
     `size` is in the units of the sketch; `layers` fixes k, None leaves it free. `start` is the core's size relative to
     Tutte's and the number of layers to start from, see `start_of`.
@@ -139,21 +145,21 @@ class _Trial:
         return float(counts[best]), float(energy[best])
 
     def scaled(self, scale: float) -> Float[np.ndarray, "16"]:
-        """Return straight edges and Tutte's singular points, scaled about and moved to the place of most cells.
+        """Return Tutte's singular points and bows, scaled about and moved to the place of most cells.
 
         That place is the mean of the points weighted by the number of wanted cells around them.
         """
-        return np.concatenate([(self._centre + scale * self._tutte).ravel(), np.zeros(8)])
+        singular, bows = self._tutte
+        return np.concatenate([(self._centre + scale * (singular - singular.mean(axis=0))).ravel(), bows])
 
     @cached_property
-    def _tutte(self) -> Float[np.ndarray, "4 2"]:
-        singular = tutte(self.sketch)
-        return singular - singular.mean(axis=0)
+    def _tutte(self) -> tuple[Float[np.ndarray, "4 2"], Float[np.ndarray, " 8"]]:
+        return tutte(self.sketch)
 
     @cached_property
     def _centre(self) -> Float[np.ndarray, "2"]:
         fixed, basis = self.sketch.linear(1.0)
-        corner = (fixed + basis[:, :4] @ tutte(self.sketch))[self.sketch.quads]
+        corner = (fixed + basis[:, :4] @ self._tutte[0])[self.sketch.quads]
         diagonals = corner[:, 2:] - corner[:, :2]
         middle = corner.mean(axis=1)
         cells = np.abs(cross(diagonals[:, 0], diagonals[:, 1])) / self.size(middle) ** 2

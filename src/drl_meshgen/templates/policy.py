@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from drl_meshgen.errors import InputError
-from drl_meshgen.templates.corners import corner_pairs, rank_corners
+from drl_meshgen.templates.corners import best_per_count, corner_pairs, rank_corners
 from drl_meshgen.templates.domain import Domain
 from drl_meshgen.templates.o_type import OParameters
 from drl_meshgen.templates.options import PlacementOptions, Size
@@ -30,10 +30,15 @@ class RulePolicy:
     Deterministic; turning, mirroring, scaling or renumbering the domain gives the same mesh up to that map.
     """
 
-    shortlist: int = 24
-    """Choices of corners scored a second time on a finer coarse mesh."""
-    finalists: int = 3
-    """Choices of corners whose singular points are optimised; the least energy wins."""
+    counts: int = 10
+    """Values of m that are tried, evenly spaced up to L / 4, at most."""
+    shortlist: int = 4
+    """Positions of the corners for each m that are scored a second time with the exact wanted size."""
+    spread: tuple[float, ...] = (1.0, 0.75, 0.5)
+    """Shares of the best m whose best corners have their singular points optimised; the least energy wins.
+
+    Coarse meshes find the best position for each m well, but favour square cores.
+    """
     divisions: int = 6
     """Cells per side of the coarse mesh of that descent, at most."""
     placement: PlacementOptions = field(default_factory=PlacementOptions)
@@ -46,17 +51,23 @@ class RulePolicy:
         frame = domain.frame
         local = Domain(frame.to_local(domain.nodes))
         wanted = boundary_size(local) if size is None else lambda p: size(frame.to_world(p)) / frame.scale
-        i0, m = corner_pairs(len(local))
-        steps = (self.shortlist, (2, 1), wanted(local.nodes)), (self.finalists, (4, 2), wanted)
-        for keep, resolution, sizes in steps:
-            score = rank_corners(local.nodes, (i0, m), resolution, sizes, self.placement)
-            best = np.argsort(score, kind="stable")[:keep]
-            i0, m = i0[best], m[best]
-        sketches = [Sketch.of(local, a, b, self.divisions, 3) for a, b in zip(i0.tolist(), m.tolist(), strict=True)]
+        choices = self._finalists(local, wanted)
+        sketches = [Sketch.of(local, i0, m, self.divisions, 3) for i0, m in choices]
         start = start_of(sketches[0], wanted, layers, self.placement)
         placed = [(place(sketch, wanted, layers, self.placement, start), sketch) for sketch in sketches]
         best_placement, sketch = min(placed, key=lambda pair: pair[0].energy)
         return parameters_of(best_placement, sketch, frame.to_world(best_placement.singular))
+
+    def _finalists(self, domain: Domain, size: Size) -> list[tuple[int, int]]:
+        """Return the choices of corners worth a descent, by two rounds on coarse meshes; the best comes first."""
+        choices, score = corner_pairs(len(domain), self.counts), np.zeros(0)
+        for keep, sizes in ((self.shortlist, size(domain.nodes)), (1, size)):
+            score = rank_corners(domain.nodes, choices, (4, 2), sizes, self.placement)
+            kept = best_per_count(choices[1], score, keep)
+            choices, score = (choices[0][kept], choices[1][kept]), score[kept]
+        best = int(choices[1][np.argmin(score)])
+        nearest = [int(np.abs(choices[1] - share * best).argmin()) for share in self.spread]
+        return [(int(choices[0][c]), int(choices[1][c])) for c in dict.fromkeys(nearest)]
 
 
 def parameters_of(placement: Placement, sketch: Sketch, singular: Float[np.ndarray, "4 2"]) -> OParameters:
