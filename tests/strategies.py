@@ -3,6 +3,7 @@
 import numpy as np
 from hypothesis import strategies as st
 
+from drl_meshgen.cleanup.meshlab import remesh_isotropic
 from drl_meshgen.mesh import TriMesh
 from drl_meshgen.models.hemisphere import hemisphere
 
@@ -31,23 +32,21 @@ def bumpy_disk(triangles: int = 1000, bumps: int = 3, height: float = 1.0, seed:
 
 
 def limbed_disk(triangles: int = 4000, limbs: int = 3, length: float = 2.0, seed: int = 0) -> TriMesh:
-    """Unit hemisphere with `limbs` round limbs of the given length and radius of about 0.15."""
+    """Unit hemisphere with `limbs` round limbs of up to the given length, evenly triangulated."""
     rng = np.random.default_rng(seed)
-    cap = hemisphere(triangles)
+    cap = hemisphere(16 * triangles)
     points = cap.vertices.copy()
     turn = rng.uniform(0, 2 * np.pi)
     for k in range(limbs):
         longitude = turn + 2 * np.pi * k / limbs
         axis = np.array([0.8 * np.cos(longitude), 0.8 * np.sin(longitude), 0.6])
-        cosine = cap.vertices @ axis
-        polar = np.arccos(np.clip(cosine, -1, 1))
-        width, reach = 0.35, length * rng.uniform(0.7, 1.0)
-        near = polar < width
-        s = polar[near] / width
-        rise = reach * (1 - s**2) ** 2
-        radial = cap.vertices[near] - cosine[near, None] * axis
-        points[near] = cap.vertices[near] + rise[:, None] * axis - 0.3 * radial * (1 - s[:, None] ** 2)
-    return TriMesh(points, cap.triangles)
+        s = np.arccos(np.clip(cap.vertices @ axis, -1, 1)) / 0.5
+        near = s < 1
+        rise = length * rng.uniform(0.7, 1.0) * (1 - s[near] ** 2) ** 2
+        points[near] += rise[:, None] * axis
+    mesh = TriMesh(points, cap.triangles)
+    edge = np.sqrt(4 / np.sqrt(3) * mesh.area / triangles)
+    return TriMesh(*remesh_isotropic(points, cap.triangles, edge))
 
 
 def rigidly_moved(mesh: TriMesh, seed: int = 0, scale: float = 1.0) -> TriMesh:

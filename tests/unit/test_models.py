@@ -35,7 +35,7 @@ def shape_quality(mesh):
     return 4 * np.sqrt(3) * mesh.areas / (sides**2).sum(axis=1)
 
 
-@pytest.mark.parametrize("triangles", [50, 5_000, 25_000, 200_000])
+@pytest.mark.parametrize("triangles", [200, 5_000, 25_000, 200_000])
 def test_hemisphere_lies_exactly_on_the_sphere_with_a_circular_rim(triangles):
     mesh = hemisphere(triangles)
     assert_disk(mesh)

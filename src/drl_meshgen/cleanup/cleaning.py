@@ -30,7 +30,7 @@ class CleanupOptions:
     """Remesh isotropically after the repairs."""
     remesh_edge: float | None = None
     """Edge length of remeshing (fraction of the diagonal); None: the number of triangles stays about the same."""
-    min_triangles: int = 5_000
+    min_triangles: int = 4_000
     """Coarser surfaces are subdivided at edge midpoints, which keeps their shape, to at least this many triangles."""
 
 

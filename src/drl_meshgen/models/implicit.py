@@ -172,7 +172,7 @@ def _box(points: Float[np.ndarray, "n 3"]) -> tuple[np.ndarray, np.ndarray]:
 def _morton_code(points: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
     """Position along a space-filling curve (6 bits per axis), so that points close in order are close in space."""
     low, high = _box(points)
-    width = max(float((high - low).max()), np.finfo(float).tiny)
+    width = float((high - low).max()) or 1.0
     spread = np.array([sum(((k >> bit) & 1) << (3 * bit) for bit in range(6)) for k in range(64)])
     code = np.zeros(len(points), np.int64)
     for axis in range(3):

@@ -123,7 +123,7 @@ def _triangles_of(mesh: "pv.DataSet") -> tuple[Float[np.ndarray, "n 3"], Int[np.
     import pyvista as pv
 
     if not isinstance(mesh, pv.PolyData):
-        mesh = mesh.extract_geometry()
+        mesh = mesh.extract_surface(algorithm=None)
     surface = mesh.triangulate()
     triangles = surface.faces.reshape(-1, 4)[:, 1:]
     return np.asarray(surface.points, np.float64), triangles.astype(np.int64)
