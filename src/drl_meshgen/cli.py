@@ -12,8 +12,10 @@ import typer
 from drl_meshgen import __version__
 from drl_meshgen.errors import MeshgenError
 
-EXIT_CODES = """Exit codes: 0 fine, 1 internal error or a stage without a result, 2 usage, 3 bad input, 4 meshed but below
-the quality gate, 5 some of several inputs failed."""
+EXIT_CODES = (
+    "Exit codes: 0 fine, 1 internal error or a stage without a result, 2 usage, 3 bad input, "
+    "4 meshed but below the quality gate, 5 some of several inputs failed."
+)
 
 app = typer.Typer(
     help="Block-structured quad meshes of triangulated surfaces, without anybody at the keyboard.",
@@ -21,6 +23,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,
 )
 
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an unexpected error.")]
@@ -48,7 +51,7 @@ def mesh(
     out: Annotated[Path, typer.Option(metavar="DIR", file_okay=False, help="Gets one folder per input.")],
     *,
     target_quads: Annotated[
-        int | None, typer.Option(metavar="N", min=4, help="Wanted number of quads (4000 unless told).")
+        int | None, typer.Option(metavar="N", min=4, help="Wanted number of quads.  [default: 4000]")
     ] = None,
     target_edge: Annotated[
         float | None, typer.Option(metavar="H", help="Wanted edge length in the units of the input.")
@@ -109,7 +112,10 @@ def check(
     ] = None,
     debug: Debug = False,
 ) -> None:
-    """Print the metrics of a quad mesh; exit code 4 where it has defects or is below the quality gate."""
+    """Print the metrics of a quad mesh.
+
+    The exit code is 4 where it has defects or is below the quality gate.
+    """
 
     def command() -> int:
         from drl_meshgen.commands.checking import check as run

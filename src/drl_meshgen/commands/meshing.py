@@ -6,7 +6,7 @@ import traceback
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import typer
@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from drl_meshgen import pipeline
-from drl_meshgen.commands.output import complete, folder_names, write_results
+from drl_meshgen.commands.output import can_draw, complete, folder_names, write_pictures, write_results
 from drl_meshgen.errors import InputError, MeshgenError
 from drl_meshgen.models import MODELS
 from drl_meshgen.pipeline import MeshOptions
@@ -52,6 +52,9 @@ def mesh_all(request: Request) -> int:
 
     A single input gives its own code. Of several, 5 where any failed, else 4 where any is below the gate.
     """
+    if request.pictures and not can_draw():
+        typer.echo("warning: no pictures, because the library EGL is not installed (libegl1)", err=True)
+        request = replace(request, pictures=False)
     codes = []
     for source, name in zip(request.sources, folder_names(request.sources), strict=True):
         with _failures_told(_label(source), debug=request.debug) as code:
@@ -103,6 +106,8 @@ def _mesh_one(request: Request, source: str, name: str) -> int:
         quality: Quality = done["quality"]
         with complete(request.out / name) as folder:
             write_results(folder, done, request.options)
+            if request.pictures:
+                write_pictures(folder, done)
     for warning in caught:
         if warning.category.__module__.startswith("drl_meshgen"):
             typer.echo(f"warning: {warning.message}", err=True)

@@ -1,16 +1,20 @@
 """Folders of results: their names, their files, and that they appear whole or not at all."""
 
+import ctypes
 import shutil
+import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from drl_meshgen.commands.settings import to_toml
 from drl_meshgen.export import write_block_mesh, write_surface_ply, write_table
 from drl_meshgen.models import MODELS
+from drl_meshgen.partition import Partition
 from drl_meshgen.pipeline import MeshOptions
 from drl_meshgen.store import Execution
 
@@ -61,3 +65,33 @@ def write_results(folder: Path, done: Execution, options: MeshOptions) -> None:
     write_surface_ply(folder / "surface.ply", done["cleanup"].surface)
     write_table(folder / "quality.parquet", pd.DataFrame([done["quality"].metrics]))
     (folder / "options.toml").write_text(to_toml(options), "utf-8")
+
+
+def can_draw() -> bool:
+    """Tell whether pictures can be drawn without a display: on Linux VTK needs EGL and crashes without."""
+    if sys.platform != "linux":
+        return True
+    try:
+        ctypes.CDLL("libEGL.so.1")
+    except OSError:
+        return False
+    return True
+
+
+def write_pictures(folder: Path, done: Execution) -> None:
+    """Write `depth.png`, `regions.png`, `blocks.png` and `quality.png`, all from one camera."""
+    from drl_meshgen.report import pictures
+    from drl_meshgen.report.view import best_view
+
+    parts: Partition = done["partition"]
+    cut, mesh = parts.surface.mesh, done["smoothing"].mesh
+    view = best_view(done["cleanup"].surface)
+    contours = [cut.vertices[np.r_[c.vertices, c.vertices[:1]]] for c in parts.curves if not c.is_boundary]
+    images = {
+        "depth": pictures.draw_depth(cut, parts.surface.depth, contours, view),
+        "regions": pictures.draw_regions(cut, parts.region, contours, view),
+        "blocks": pictures.draw_blocks(mesh, view),
+        "quality": pictures.draw_quality(mesh.mesh, done["quality"].shape, view),
+    }
+    for name, image in images.items():
+        pictures.write_png(folder / f"{name}.png", image)
