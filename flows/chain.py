@@ -7,13 +7,11 @@ from typing import Any
 
 from prefect import Task, get_run_logger
 
-from drl_meshgen.errors import MeshgenError
+from drl_meshgen.errors import InputError, MeshgenError
 from drl_meshgen.store import ArtifactRef
 
-SOME_FAILED = 5
-"""Exit code where some of several surfaces failed."""
-INTERNAL = 1
-"""Exit code of an error that is no verdict on the input."""
+FINE, INTERNAL, BELOW_GATE, SOME_FAILED = 0, 1, 4, 5
+"""Exit codes as the command line has them; errors carry their own."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +23,7 @@ class Outcome:
     """Artifacts of the stages that ended well."""
     failure: str = ""
     """One sentence on what went wrong; empty where the chain came to its end."""
-    exit_code: int = 0
+    exit_code: int = FINE
     """What the command line returns for this surface alone."""
 
 
@@ -44,10 +42,11 @@ def run_chain(tasks: Mapping[str, Task[..., Any]], surface: str, options: Mappin
 
 
 def exit_code(outcomes: Sequence[Outcome]) -> int:
-    """Return the exit code of a run: that of a single surface, or `SOME_FAILED` where one of several failed."""
-    if len(outcomes) == 1:
-        return outcomes[0].exit_code
-    return SOME_FAILED if any(outcome.failure for outcome in outcomes) else 0
+    """Return the exit code of a run: that of a single surface, `SOME_FAILED` where one of several failed."""
+    codes = [outcome.exit_code for outcome in outcomes]
+    if len(codes) > 1 and any(code not in (FINE, BELOW_GATE) for code in codes):
+        return SOME_FAILED
+    return max(codes)
 
 
 def _artifacts(refs: Mapping[str, str]) -> dict[str, ArtifactRef]:
@@ -56,7 +55,7 @@ def _artifacts(refs: Mapping[str, str]) -> dict[str, ArtifactRef]:
 
 def _failed(surface: str, refs: Mapping[str, str], stage: str, error: BaseException) -> Outcome:
     if isinstance(error, MeshgenError):
-        sentence = str(error) if surface in str(error) else f"{surface}: {error}"
+        sentence = str(error) if isinstance(error, InputError) else f"{surface}: {error}"
         return Outcome(surface, _artifacts(refs), sentence, error.exit_code)
     get_run_logger().error("".join(traceback.format_exception(error)))
     sentence = f"{surface}: internal error in stage {stage}: {type(error).__name__}: {error}"

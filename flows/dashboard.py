@@ -36,7 +36,7 @@ def show_surface(outcome: Outcome, metrics: Mapping[str, float], picture: Path |
     if picture is not None:
         lines += [f"![{outcome.surface}]({thumbnail(picture)})", ""]
     if outcome.failure:
-        lines += [f"**Failed:** {outcome.failure}", ""]
+        lines += [f"**{outcome.failure}**", ""]
     if metrics:
         lines += ["| metric | value |", "| --- | ---: |"]
         lines += [f"| {name} | {value:.4g} |" for name, value in metrics.items()] + [""]

@@ -2,7 +2,9 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import typer
@@ -10,10 +12,14 @@ from prefect import State, flow
 from prefect.runtime import flow_run
 from prefect.states import Completed, Failed
 
+from drl_meshgen.commands.output import can_draw, folder_names
 from drl_meshgen.pipeline import STAGES, MeshOptions, ModelOptions
-from drl_meshgen.store import Store, load
+from drl_meshgen.quality import Quality, gate
+from drl_meshgen.report import pictures
+from drl_meshgen.report.view import best_view
+from drl_meshgen.store import Store, reopen
 from flows import dashboard
-from flows.chain import Outcome, exit_code, run_chain
+from flows.chain import BELOW_GATE, FINE, Outcome, exit_code, run_chain
 from flows.server import ServerError, connected
 from tasks import assembly, cleanup, decompose, lift, model, partition, quality, ricci, smoothing, subdomain
 
@@ -29,23 +35,44 @@ TASKS = {
     "smoothing": smoothing.smoothing,
     "quality": quality.quality,
 }
-BY_NAME = {stage.name: stage for stage in STAGES}
 
 
 def _run_name() -> str:
-    names = [Path(source).name for source in flow_run.parameters["surfaces"]]
+    names = folder_names(flow_run.parameters["surfaces"])
     return "mesh " + (" ".join(names) if len(names) <= 4 else f"{names[0]} and {len(names) - 1} more")
-
-
-def _metrics(outcome: Outcome, store: Store) -> Mapping[str, float]:
-    ref = outcome.refs.get("quality")
-    return {} if ref is None else load(BY_NAME["quality"], ref, store).metrics
 
 
 def _row(outcome: Outcome, metrics: Mapping[str, float]) -> dict[str, Any]:
     """Return a row of the dashboard's table; JSON has no NaN."""
     figures = {name: round(value, 4) if math.isfinite(value) else None for name, value in metrics.items()}
-    return {"surface": outcome.surface, "failure": outcome.failure, **figures}
+    return {"surface": outcome.surface, "remark": outcome.failure, **figures}
+
+
+def _judged(outcome: Outcome, quality: Quality) -> Outcome:
+    """Return the outcome with the exit code and the sentence of a mesh below the quality gate, where it is."""
+    missed = gate(quality)
+    if not missed:
+        return outcome
+    sentence = f"{outcome.surface}: below the quality gate: {'; '.join(missed)}"
+    return replace(outcome, failure=sentence, exit_code=BELOW_GATE)
+
+
+def _published(outcome: Outcome, store: Store) -> tuple[Outcome, dict[str, Any]]:
+    """Show one surface in the dashboard; return its outcome, judged by the quality gate, and its row of the table."""
+    if outcome.failure:
+        dashboard.show_surface(outcome, {})
+        return outcome, _row(outcome, {})
+    done = reopen(STAGES, outcome.refs, store)
+    metrics = done["quality"].metrics
+    outcome = _judged(outcome, done["quality"])
+    with TemporaryDirectory() as folder:
+        picture = Path(folder, "blocks.png") if can_draw() else None
+        if picture is not None:
+            pictures.write_png(
+                picture, pictures.draw_blocks(done["smoothing"].mesh, best_view(done["cleanup"].surface))
+            )
+        dashboard.show_surface(outcome, metrics, picture)
+    return outcome, _row(outcome, metrics)
 
 
 @flow(name="mesh", flow_run_name=_run_name, description=__doc__)
@@ -63,16 +90,14 @@ def mesh(
     place = Store(store)
     options = MeshOptions().sized(target_quads)
     outcomes, rows = [], []
-    for source in surfaces:
+    for source, name in zip(surfaces, folder_names(surfaces), strict=True):
         given = options.by_stage(source, triangles)
         complete = {stage.name: given.get(stage.name, stage.options()) for stage in STAGES}
-        outcome = run_chain(TASKS, Path(source).name, complete, str(place.root))
-        metrics = _metrics(outcome, place)
-        dashboard.show_surface(outcome, metrics)
+        outcome, row = _published(run_chain(TASKS, name, complete, str(place.root)), place)
         outcomes.append(outcome)
-        rows.append(_row(outcome, metrics))
+        rows.append(row)
     dashboard.show_table(rows)
-    failures = [outcome.failure for outcome in outcomes if outcome.failure]
+    failures = [outcome.failure for outcome in outcomes if outcome.exit_code not in (FINE, BELOW_GATE)]
     if failures:
         return Failed(message="; ".join(failures), data=outcomes)
     return Completed(data=outcomes)

@@ -118,8 +118,9 @@ def test_a_task_needs_no_server(tmp_path):
 
 
 def test_exit_codes_are_those_of_the_command_line():
-    good, bad = Outcome("a"), Outcome("b", failure="b: no", exit_code=3)
-    assert [exit_code(o) for o in ([good], [bad], [good, good], [good, bad], [bad, bad])] == [0, 3, 0, 5, 5]
+    good, poor, bad = Outcome("a"), Outcome("b", exit_code=4), Outcome("c", failure="c: no", exit_code=3)
+    assert [exit_code([one]) for one in (good, poor, bad)] == [0, 4, 3]
+    assert [exit_code(two) for two in ([good, good], [good, poor], [good, bad], [bad, bad])] == [0, 4, 5, 5]
 
 
 def test_a_missing_server_elsewhere_is_an_error_not_a_reason_to_start_one():

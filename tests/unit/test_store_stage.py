@@ -6,7 +6,7 @@ from functools import wraps
 import pytest
 
 from drl_meshgen.errors import InputError
-from drl_meshgen.store import Store, ancestors, execute
+from drl_meshgen.store import Store, ancestors, execute, reopen
 from drl_meshgen.store.canonical import file_digest
 from tests.flow.toys import DOUBLE, NUMBER, STAGES, TOTAL, DoubleOptions, NumberOptions, calls
 
@@ -130,3 +130,13 @@ def test_an_unreadable_file_in_the_identity_is_bad_input(tmp_path):
     stage = replace(NUMBER, identity=lambda _options: file_digest(tmp_path / "none.stl"))
     with pytest.raises(InputError, match=r"none\.stl: no such file or directory"):
         execute([stage], store=Store(tmp_path))
+
+
+def test_a_run_is_opened_again_from_its_references(log, tmp_path):
+    store = Store(tmp_path / "store")
+    cold = execute(STAGES, store=store)
+    log.unlink()
+    again = reopen(STAGES, cold.refs, store)
+    assert again["total"] == cold["total"]
+    assert [t.computed for t in again.timings] == [t.computed for t in cold.timings]
+    assert calls(log) == []

@@ -57,7 +57,7 @@ class Stage(Generic[O, R]):
         try:
             identity = self.identity(options)
         except OSError as error:
-            raise InputError(str(error.filename), (error.strerror or str(error)).lower()) from error
+            raise InputError(Path(error.filename or self.name).name, (error.strerror or str(error)).lower()) from error
         return Recipe.of(self.name, self.version, self.source, upstream, identity)
 
     @property
@@ -199,6 +199,20 @@ def execute(
         timings.append(timing)
         if progress is not None:
             progress(Progress(stage.name, index, len(chosen), timing))
+    return Execution(refs, tuple(timings), fetch)
+
+
+def reopen(stages: Sequence[Stage[Any, Any]], refs: Mapping[str, ArtifactRef], store: Store) -> Execution:
+    """Return an earlier run from its artifacts; results are read when they are asked for, timings are those of then."""
+    by_name = {stage.name: stage for stage in stages}
+    results: dict[str, Any] = {}
+
+    def fetch(name: str) -> Any:
+        if name not in results:
+            results[name] = load(by_name[name], refs[name], store)
+        return results[name]
+
+    timings = (Timing(name, 0.0, store.seconds(ref), cached=True) for name, ref in refs.items())
     return Execution(refs, tuple(timings), fetch)
 
 
