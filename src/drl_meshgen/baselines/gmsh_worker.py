@@ -1,7 +1,7 @@
-"""One Gmsh run on one surface, in a process of its own: `python -m drl_meshgen.baselines.gmsh_worker JOB OUT`.
+"""One Gmsh run on one surface, in a process of its own: `python gmsh_worker.py JOB OUT`.
 
 JOB is an `.npz` with `vertices`, `triangles`, `loop` (boundary vertices in order; transfinite only), `corners` (4
-positions in the loop; transfinite only) and the scalars named in `Job`. OUT gets `points`, `quads`, `triangles`,
+positions in the loop; transfinite only) and the scalars named in `Job`; nothing else of the package is imported. OUT gets `points`, `quads`, `triangles`,
 `seconds`.
 """
 

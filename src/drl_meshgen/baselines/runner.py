@@ -70,6 +70,8 @@ class Rival:
     """Faces that are not quads."""
 
 
+# Run by path: importing the package would cost more than a small mesh.
+_WORKER = Path(__file__).with_name("gmsh_worker.py")
 # Quads made per square of the target edge length, measured on a hemisphere; the first guess of the size.
 _QUADS_PER_SQUARE = {Method.QUASI_STRUCTURED: 4.2, Method.BLOSSOM_SUBDIVIDED: 4.2}
 
@@ -106,7 +108,7 @@ def _attempt(surface: TriMesh, method: Method, size: float, timeout: float, *, s
             size=size,
             split=split,
         )
-        command = [sys.executable, "-m", "drl_meshgen.baselines.gmsh_worker", str(job), str(out)]
+        command = [sys.executable, "-P", str(_WORKER), str(job), str(out)]
         try:
             done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)  # noqa: S603
         except subprocess.TimeoutExpired:
