@@ -1,5 +1,8 @@
 """The one door to pymeshlab: arrays in, arrays out."""
 
+from importlib import import_module
+from typing import Any
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -19,8 +22,7 @@ def remesh_isotropic(
 
     Boundary loops and creases above `feature_degrees` are kept. With `selected` only those triangles change.
     """
-    import pymeshlab
-
+    pymeshlab: Any = import_module("pymeshlab")  # heavy, and without type stubs
     meshes = pymeshlab.MeshSet()
     flag = np.ones(len(triangles)) if selected is None else selected.astype(np.float64)
     meshes.add_mesh(pymeshlab.Mesh(points, triangles, f_scalar_array=flag))

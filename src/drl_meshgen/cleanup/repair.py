@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from drl_meshgen.mesh.topology import Topology
 
@@ -21,7 +21,7 @@ class CleanupWarning(UserWarning):
 
 def merged_ids(points: Points, tolerance: float) -> Int[np.ndarray, " n"]:
     """For each point the smallest index among the points it coincides with (transitively, within `tolerance`)."""
-    pairs = cKDTree(points).query_pairs(tolerance, output_type="ndarray")
+    pairs = KDTree(points).query_pairs(tolerance, output_type="ndarray")
     if len(pairs) == 0:
         return np.arange(len(points))
     graph = coo_matrix((np.ones(len(pairs)), pairs.T), (len(points),) * 2)

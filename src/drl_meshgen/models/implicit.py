@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -67,19 +66,6 @@ def frame(axis: np.ndarray, up: np.ndarray) -> Float[np.ndarray, "3 3"]:
     u = np.cross(np.asarray(up, float), a)
     u /= np.linalg.norm(u)
     return np.array([u, a, np.cross(u, a)])
-
-
-class Primitive(Protocol):
-    """A solid with a signed field and a bounding box."""
-
-    @property
-    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper corner of a box that contains the solid."""
-        ...
-
-    def distance(self, points: Float[np.ndarray, "n 3"], reach: float) -> Float[np.ndarray, " n"]:
-        """Signed field, negative inside, right where it is below `reach`."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +142,7 @@ def ellipsoid(centre: np.ndarray | tuple, radii: tuple, axes: np.ndarray | None 
 class Part:
     """One step of building a solid."""
 
-    solid: Primitive
+    solid: Tube | Ellipsoid
     """What is added or taken away."""
     blend: float
     """Blend width in model units."""

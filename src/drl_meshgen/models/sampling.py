@@ -143,7 +143,7 @@ def _remesh(mesh: TriMesh, solid: Solid, triangles: float) -> TriMesh:
     def excess(edge: float) -> float:
         return float((4 / np.sqrt(3) * area / zone_lengths(edge) ** 2).sum()) - COUNT_BIAS * triangles
 
-    edge = brentq(excess, 1e-4 * mesh.diagonal, mesh.diagonal)
+    edge, _ = brentq(excess, 1e-4 * mesh.diagonal, mesh.diagonal, full_output=True)
     lengths = zone_lengths(edge)
     current = min(edge, max(longest.min(), SMALLEST_FACTOR * edge))
     points, faces = remesh_isotropic(mesh.vertices, mesh.triangles, current)
