@@ -17,11 +17,12 @@ from drl_meshgen.pipeline import STAGES, MeshOptions, ModelOptions
 from drl_meshgen.quality import Quality, gate
 from drl_meshgen.report import pictures
 from drl_meshgen.report.view import best_view
-from drl_meshgen.store import Store, reopen
+from drl_meshgen.store import ArtifactRef, Store, reopen
 from flows import dashboard
 from flows.chain import BELOW_GATE, FINE, Outcome, exit_code, run_chain
 from flows.server import ServerError, connected
 from tasks import assembly, cleanup, decompose, lift, model, partition, quality, ricci, smoothing, subdomain
+from tasks.report import report as report_task
 
 TASKS = {
     "model": model.model,
@@ -75,17 +76,25 @@ def _published(outcome: Outcome, store: Store) -> tuple[Outcome, dict[str, Any]]
     return outcome, _row(outcome, metrics)
 
 
+def write_report(meshed: Mapping[str, Mapping[str, ArtifactRef]], store: Store) -> ArtifactRef:
+    """Make the report of all meshed surfaces. Needs a running flow."""
+    texts = {name: {stage: ref.to_json() for stage, ref in refs.items()} for name, refs in meshed.items()}
+    return ArtifactRef.from_json(report_task(texts, str(store.root)))
+
+
 @flow(name="mesh", flow_run_name=_run_name, description=__doc__)
 def mesh(
     surfaces: list[str],
     target_quads: int | None = None,
     triangles: int = ModelOptions.triangles,
     store: str | None = None,
+    report: str | None = None,
 ) -> State[list[Outcome]]:
     """Mesh surfaces (model names or files) one after another; a failed one does not stop the others.
 
     `target_quads` is the wanted number of quads, `triangles` the size of generated models, `store` the folder of the
-    artifact store. The state tells which surfaces failed; its data are the outcomes.
+    artifact store, `report` the folder that gets the report. The state tells which surfaces failed; its data are the
+    outcomes.
     """
     place = Store(store)
     options = MeshOptions().sized(target_quads)
@@ -97,6 +106,9 @@ def mesh(
         outcomes.append(outcome)
         rows.append(row)
     dashboard.show_table(rows)
+    meshed = {outcome.surface: outcome.refs for outcome in outcomes if outcome.exit_code in (FINE, BELOW_GATE)}
+    if report is not None and meshed:
+        place.export(write_report(meshed, place), Path(report))
     failures = [outcome.failure for outcome in outcomes if outcome.exit_code not in (FINE, BELOW_GATE)]
     if failures:
         return Failed(message="; ".join(failures), data=outcomes)
@@ -110,12 +122,13 @@ def main(
     store: Annotated[
         Path | None, typer.Option(help="Artifact store (default: DRL_MESHGEN_STORE or artifacts).")
     ] = None,
+    report: Annotated[Path, typer.Option(help="Folder that gets the report.")] = Path("reports/generated/mesh"),
 ) -> None:
     """Run the mesh flow against a Prefect server; a local one is started if need be."""
     try:
         with connected() as api:
-            state = mesh(surfaces, target_quads, triangles, None if store is None else str(store), return_state=True)
-            typer.echo(f"dashboard: {api.removesuffix('/api')}")
+            place = None if store is None else str(store)
+            state = mesh(surfaces, target_quads, triangles, place, str(report), return_state=True)
     except ServerError as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(error.exit_code) from None
@@ -123,6 +136,9 @@ def main(
     for outcome in outcomes:
         if outcome.failure:
             typer.echo(outcome.failure, err=True)
+    typer.echo(f"dashboard: {api.removesuffix('/api')}")
+    if any(outcome.exit_code in (FINE, BELOW_GATE) for outcome in outcomes):
+        typer.echo(f"report: {report / 'index.html'}")
     raise typer.Exit(exit_code(outcomes))
 
 

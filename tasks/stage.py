@@ -1,6 +1,6 @@
 """The task factory: a Prefect task around a stage, cached by the artifact store."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from prefect import Task
@@ -8,7 +8,7 @@ from prefect.client.schemas.objects import State, TaskRun
 from prefect.context import TaskRunContext
 
 from drl_meshgen.errors import MeshgenError
-from drl_meshgen.store import ArtifactRef, Stage, Store, load, stored
+from drl_meshgen.store import ArtifactRef, Recipe, Stage, Store, load, stored
 from tasks.storage import RecordStorage
 
 Refs = Mapping[str, str]
@@ -28,33 +28,35 @@ def _retry(_task: Task[..., Any], _run: TaskRun, state: State[Any]) -> bool:
     return isinstance(state.data, OSError)
 
 
-def stage_task(name: str, stages: Sequence[Stage[Any, Any]]) -> Task[..., str]:
-    """Return the Prefect task of the stage called `name`.
+def stored_task(
+    run: Callable[..., str],
+    recipe: Callable[[dict[str, Any]], Recipe],
+    *,
+    name: str,
+    run_name: str,
+    version: int,
+    description: str | None = None,
+) -> Task[..., str]:
+    """Return a Prefect task that the artifact store caches: the one place that sets keys, retries and tags.
 
-    It is called with `surface` (name of the model, for display), `refs` (what the tasks of its inputs returned),
-    `options` (the stage's options) and `store` (folder of the artifact store), and returns an `ArtifactRef` as JSON.
+    `run` returns an `ArtifactRef` as JSON and has a parameter `store`; `recipe` tells from the parameters what the
+    result depends on.
     """
-    by_name = {stage.name: stage for stage in stages}
-    stage = by_name[name]
 
     def key(_context: TaskRunContext, parameters: dict[str, Any]) -> str | None:
         try:
-            recipe = stage.recipe(_references(stage, parameters["refs"]), parameters["options"])
+            known = recipe(parameters)
         except MeshgenError:  # an unreadable input has no key; the task itself says so
             return None
-        return str(Store(parameters["store"]).record_path(stage.name, recipe.key).absolute())
-
-    def run(surface: str, refs: Refs, options: Any, store: str) -> str:  # noqa: ARG001 - names the task run
-        place, known = Store(store), _references(stage, refs)
-        return stored(stage, known, options, place, lambda name: load(by_name[name], known[name], place)).to_json()
+        return str(Store(parameters["store"]).record_path(known.stage, known.key).absolute())
 
     task = Task(
         run,
         name=name,
-        description=stage.run.__doc__,
-        task_run_name=f"{name} {{surface}}",
+        description=description,
+        task_run_name=run_name,
         tags={name},
-        version=str(stage.version),
+        version=str(version),
         cache_key_fn=key,
         result_serializer="json",
         persist_result=True,
@@ -64,3 +66,24 @@ def stage_task(name: str, stages: Sequence[Stage[Any, Any]]) -> Task[..., str]:
     )
     task.result_storage = RecordStorage()  # the constructor takes only blocks registered with a server
     return task
+
+
+def stage_task(name: str, stages: Sequence[Stage[Any, Any]]) -> Task[..., str]:
+    """Return the Prefect task of the stage called `name`.
+
+    It is called with `surface` (name of the model, for display), `refs` (what the tasks of its inputs returned),
+    `options` (the stage's options) and `store` (folder of the artifact store), and returns an `ArtifactRef` as JSON.
+    """
+    by_name = {stage.name: stage for stage in stages}
+    stage = by_name[name]
+
+    def recipe(parameters: dict[str, Any]) -> Recipe:
+        return stage.recipe(_references(stage, parameters["refs"]), parameters["options"])
+
+    def run(surface: str, refs: Refs, options: Any, store: str) -> str:  # noqa: ARG001 - names the task run
+        place, known = Store(store), _references(stage, refs)
+        return stored(stage, known, options, place, lambda name: load(by_name[name], known[name], place)).to_json()
+
+    return stored_task(
+        run, recipe, name=name, run_name=f"{name} {{surface}}", version=stage.version, description=stage.run.__doc__
+    )

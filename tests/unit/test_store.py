@@ -50,6 +50,17 @@ def test_outputs_are_read_back_under_their_names(store):
     assert not folder.exists()
 
 
+def test_an_exported_artifact_can_be_changed_without_harm(store, tmp_path):
+    ref = store.run(recipe(), writer(x="one", y="two"))
+    store.export(ref, tmp_path / "out")
+    (tmp_path / "out/x.txt").write_text("changed")
+    (tmp_path / "out/mine.txt").write_text("mine")
+    assert store.find(ref.stage, ref.key) == ref
+    store.export(ref, tmp_path / "out")
+    found = {p.name: p.read_text() for p in (tmp_path / "out").iterdir()}
+    assert found == {"x.txt": "one", "y.txt": "two", "mine.txt": "mine"}
+
+
 def test_objects_are_named_by_their_content_and_read_only(store):
     store.run(recipe(), writer(x="one", y="one"))
     (path,) = object_files(store)

@@ -110,6 +110,19 @@ class Store:
                     raise DamagedArtifactError(ref, name)
             yield Path(place)
 
+    def export(self, ref: ArtifactRef, folder: Path) -> None:
+        """Copy the artifact's files to `folder` under their names; each appears whole or not at all.
+
+        Files of other names that are there stay. Raises `DamagedArtifactError` where a file is missing or altered.
+        """
+        with self.folder(ref) as source:
+            for name in ref.outputs:
+                target = folder / name
+                target.parent.mkdir(parents=True, exist_ok=True)
+                part = target.with_name(f".partial-{target.name}")
+                shutil.copyfile(source / name, part)
+                part.replace(target)
+
     def _record(self, stage: str, key: str) -> dict[str, Any] | None:
         """Read a record; None where it is absent, unreadable, altered, or not the record of this key."""
         try:
