@@ -25,7 +25,8 @@ Observer = Callable[[NodeState, Residuals, float, float], None]
 
 
 def minimise(
-    space: NodeSpace, energy: QuadEnergy, state: NodeState, reach: Float[np.ndarray, " n"], steps: int, observe: Observer
+    space: NodeSpace, energy: QuadEnergy, state: NodeState, reach: Float[np.ndarray, " n"], steps: int,
+    observe: Observer = lambda *_: None,
 ) -> NodeState:
     """Levenberg-Marquardt with at most `steps` linearisations; no node moves further than `reach` in one step.
 

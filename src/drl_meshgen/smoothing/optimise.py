@@ -11,7 +11,7 @@ from drl_meshgen.smoothing.nodes import NodeSpace, NodeState
 from drl_meshgen.smoothing.options import SmoothingOptions, SmoothingOutcome, SmoothingResult
 from drl_meshgen.smoothing.patches import reach_of, repair, unfold
 from drl_meshgen.smoothing.relax import sweep
-from drl_meshgen.smoothing.search import search
+from drl_meshgen.smoothing.search import search, search_all
 from drl_meshgen.smoothing.verdict import Figures, Referee
 
 
@@ -21,17 +21,22 @@ class _Record:
     def __init__(self, referee: Referee, state: NodeState) -> None:
         self.referee, self.state = referee, state
         self.rows: list[dict] = []
-        self.score = np.inf
+        self.score, self.exact = np.inf, False
         self.judge("start", state)
 
     def judge(self, stage: str, state: NodeState, cost: float = np.nan, damping: float = np.nan) -> Figures:
         """Record a state and keep it if it is the best."""
-        found = self.referee.figures(state)
+        found = self.referee.figures(state, exact=self.exact)
         score = found.shortfall(self.referee.options)
         if score < self.score:
             self.state, self.score = state, score
         self.rows.append({"stage": stage, "cost": cost, "damping": damping, **vars(found)})
         return found
+
+    def restart(self, stage: str, state: NodeState) -> None:
+        """Record a state that is to be the best so far, whatever was before."""
+        self.score, self.exact = np.inf, True
+        self.judge(stage, state)
 
     def observer(self, stage: str) -> Observer:
         """Return what to call after every step of a stage."""
@@ -73,17 +78,20 @@ def optimise(
         if record.rows[-1]["invalid"]:
             state = unfold(space, energy, referee, state, options)
             record.judge(f"unfold {k + 1}", state)
+    unfinished = state
     if record.rows[-1]["invalid"]:
-        record.judge("search", search(space, referee, state))
-    state = record.state
+        unfinished = search(space, referee, state)
+        record.judge("search", unfinished)
     for k in range(options.repair_rounds):
-        rings = options.repair_rings + k
-        mended = repair(space, energy, referee, state, rings, lambda *_: None)
+        state = record.state
+        if referee.figures(state, exact=True).invalid:
+            state = search_all(space, referee, (state, unfinished))
+            record.restart("search", state)
+        mended = repair(space, energy, referee, state, options.repair_rings + k)
         if mended is state:
             break
-        state = mended
-        record.judge(f"repair {k + 1}", state)
-    state = search(space, referee, record.state)
+        record.judge(f"repair {k + 1}", mended)
+    state = record.state
     final = referee.figures(state, exact=True)
     low, high = options.wanted_angles
     if final.invalid:

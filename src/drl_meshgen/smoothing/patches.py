@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 
 from drl_meshgen.mesh import QuadMesh
 from drl_meshgen.smoothing.energy import QuadEnergy
-from drl_meshgen.smoothing.newton import Observer, minimise
+from drl_meshgen.smoothing.newton import minimise
 from drl_meshgen.smoothing.nodes import NodeSpace, NodeState
 from drl_meshgen.smoothing.options import SmoothingOptions
 from drl_meshgen.smoothing.untangle import untangle
@@ -89,7 +89,6 @@ def repair(
     referee: Referee,
     state: NodeState,
     rings: int,
-    observe: Observer,
 ) -> NodeState:
     """Optimise the surroundings of quads beyond the repair limits, with hinge penalties and the rest frozen."""
     options, mesh = whole.options, space.mesh
@@ -99,5 +98,5 @@ def repair(
     patch = patch_around(mesh, bad, rings, whole)
     reach = reach_of(mesh, state.points, options.step_limit)
     local = patch.energy.with_hinge(options.repair_hinge)
-    tried = minimise(space, local, space.freeze(state, patch.moving), reach, options.repair_steps, observe)
+    tried = minimise(space, local, space.freeze(state, patch.moving), reach, options.repair_steps)
     return keep_better(space, referee, patch, state, space.thaw(tried))[0]

@@ -8,20 +8,67 @@ from jaxtyping import Float, Int
 from drl_meshgen.smoothing.nodes import NodeSpace, NodeState
 from drl_meshgen.smoothing.verdict import Referee
 
-DIRECTIONS = 8
-RADII = (0.6, 0.3, 0.12)
-"""Distances tried, in mean lengths of the edges at the node."""
-SWEEPS = 6
+DIRECTIONS = 10
+RADII = (1.0, 0.5, 0.25, 0.1)
+"""Distances tried, in mean lengths of the edges at the nodes."""
+SHRINKING = (0.3, 0.6)
+"""Shares of the way to one of its corners that a whole quad is tried to be drawn together."""
+SWEEPS = 10
 """Most sweeps over the nodes around folded quads."""
 
 
-def search(space: NodeSpace, referee: Referee, state: NodeState) -> NodeState:
-    """Return a state with fewer folded quads: each inner node near one tries places around it and takes the best.
+class _Board:
+    """Places of all nodes, one group of nodes moved at a time."""
 
-    A place is judged by the sum of the squared penalties of the quads at the node (exact orientation).
+    def __init__(self, space: NodeSpace, referee: Referee, state: NodeState) -> None:
+        self.space, self.referee, self.tangents = space, referee, state.tangents
+        self.triangle, self.weights = state.triangle.copy(), state.weights.copy()
+        self.points = state.points.copy()
+        quads = space.mesh.quads
+        order = np.argsort(quads.ravel(), kind="stable")
+        self._member = order // 4
+        self._start = np.r_[0, np.cumsum(np.bincount(quads.ravel(), minlength=len(self.points)))]
+        self._slot = np.full(len(self.points), -1)
+
+    def improve(self, group: Int[np.ndarray, " k"], turn: float) -> None:
+        """Move a group of nodes to the best of the places around; `turn` rotates the pattern (radians)."""
+        at = [self._member[self._start[v] : self._start[v + 1]] for v in group]
+        ring = self.space.mesh.quads[np.unique(np.concatenate(at))]
+        scale = np.linalg.norm(self.points[ring] - self.points[np.roll(ring, 1, axis=1)], axis=2).mean()
+        angle = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS + turn
+        circle = np.cos(angle)[:, None] * self.tangents[0, group[0]] + np.sin(angle)[:, None] * self.tangents[1, group[0]]
+        shifts = np.concatenate([np.zeros((1, 3)), *(r * scale * circle for r in RADII)])
+        moves = np.repeat(shifts[:, None], len(group), axis=1)
+        if len(group) > 1:
+            towards = self.points[group][:, None] - self.points[group][None]
+            moves = np.concatenate([moves, *(share * towards for share in SHRINKING)])
+        many = (len(moves), 1)
+        walker = self.space.walker
+        found, weights = walker.walk(
+            np.tile(self.triangle[group], len(moves)), np.tile(self.weights[group], many), moves.reshape(-1, 3)
+        )
+        places = walker.positions(found, weights).reshape(moves.shape)
+        self._slot[group] = np.arange(len(group))
+        slot = self._slot[ring]
+        corners = np.where((slot >= 0)[None, :, :, None], places[:, slot], self.points[ring][None])
+        self._slot[group] = -1
+        best = int(np.argmin(self.referee.penalty_of_places(corners)))
+        self.triangle[group] = found.reshape(many[0], -1)[best]
+        self.weights[group] = weights.reshape(moves.shape)[best]
+        self.points[group] = places[best]
+
+    def state(self, state: NodeState) -> NodeState:
+        """Return the state with the nodes where they have been moved to."""
+        return self.space.thaw(replace(state, triangle=self.triangle, weights=self.weights))
+
+
+def search(space: NodeSpace, referee: Referee, state: NodeState, *, whole_quads: bool = False) -> NodeState:
+    """Return a state with fewer folded quads: each inner node near one goes to the best place around.
+
+    A place is judged by the sum of the squared penalties of the quads at the nodes (exact orientation). With
+    `whole_quads` folded quads are moved and shrunk as a whole as well, which gets other knots undone.
     """
     mesh = space.mesh
-    member, start = incidence(mesh.quads, len(mesh.points))
     free = np.ones(len(mesh.points), bool)
     free[space.sliding] = False
     free[space.fixed] = False
@@ -31,40 +78,27 @@ def search(space: NodeSpace, referee: Referee, state: NodeState) -> NodeState:
             break
         near = np.zeros(len(mesh.points), bool)
         near[mesh.quads[folded]] = True
-        for _ in range(sweep // 2):
+        for _ in range(sweep % 3):
             near[mesh.quads[near[mesh.quads].any(axis=1)]] = True
-        triangle, weights, points = state.triangle.copy(), state.weights.copy(), state.points.copy()
+        board = _Board(space, referee, state)
+        if whole_quads:
+            for quad in mesh.quads[folded & free[mesh.quads].all(axis=1)]:
+                board.improve(quad, float(sweep))
         for node in np.nonzero(near & free)[0]:
-            ring = mesh.quads[member[start[node] : start[node + 1]]]
-            spots = _places(space, state.tangents[:, node], triangle[node], weights[node], points, ring, node)
-            penalty = referee.penalty_of_places(points, ring, int(node), spots[2])
-            best = int(np.argmin(penalty))
-            triangle[node], weights[node], points[node] = spots[0][best], spots[1][best], spots[2][best]
-        normals = space.walker.normals(triangle, weights)
-        state = space.thaw(replace(state, triangle=triangle, weights=weights, points=points, normals=normals))
+            board.improve(node[None], float(sweep))
+        state = board.state(state)
     return state
 
 
-def incidence(quads: Int[np.ndarray, "m 4"], n: int) -> tuple[Int[np.ndarray, " k"], Int[np.ndarray, " n1"]]:
-    """Quads at each node: those of node `v` are `member[start[v]:start[v + 1]]`."""
-    order = np.argsort(quads.ravel(), kind="stable")
-    return order // 4, np.r_[0, np.cumsum(np.bincount(quads.ravel(), minlength=n))]
-
-
-def _places(
-    space: NodeSpace,
-    tangents: Float[np.ndarray, "2 3"],
-    triangle: int,
-    weights: Float[np.ndarray, " 3"],
-    points: Float[np.ndarray, "n 3"],
-    ring: Int[np.ndarray, "q 4"],
-    node: int,
-) -> tuple[Int[np.ndarray, " p"], Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
-    """Triangle, barycentric coordinates and position of the places to try; the first is where the node is."""
-    scale = np.linalg.norm(points[ring] - points[node], axis=2).mean()
-    angle = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-    circle = np.cos(angle)[:, None] * tangents[0] + np.sin(angle)[:, None] * tangents[1]
-    moves = np.concatenate([np.zeros((1, 3)), *(r * scale * circle for r in RADII)])
-    found, at = space.walker.walk(np.full(len(moves), triangle), np.tile(weights, (len(moves), 1)), moves)
-    return found, at, space.walker.positions(found, at)
-
+def search_all(space: NodeSpace, referee: Referee, states: tuple[NodeState, ...]) -> NodeState:
+    """Search from several states, with and without moving whole quads, until nothing is folded; return the best."""
+    best, fewest = states[0], np.inf
+    for whole_quads in (False, True):
+        for state in states:
+            found = search(space, referee, state, whole_quads=whole_quads)
+            folded = int((~referee.shape(found, exact=True).valid).sum())
+            if folded < fewest:
+                best, fewest = found, folded
+            if not folded:
+                return best
+    return best

@@ -97,17 +97,14 @@ class Referee:
         total = (missed + FOLDED * ~shape.valid) ** 2
         return total + np.bincount(self.pairs.ravel(), np.tile(0.5 * excess**2, 2), minlength=len(total))
 
-    def penalty_of_places(
-        self, points: Float[np.ndarray, "n 3"], ring: Int[np.ndarray, "q 4"], node: int, places: Float[np.ndarray, "p 3"]
-    ) -> Float[np.ndarray, " p"]:
-        """Sum of the squared penalties of the quads `ring` with their common node at each of the places."""
-        corners = np.where((ring == node)[None, :, :, None], places[:, None, None], points[ring][None]).reshape(-1, 3)
-        quads = np.arange(len(corners)).reshape(-1, 4).T
+    def penalty_of_places(self, corners: Float[np.ndarray, "p q 4 3"]) -> Float[np.ndarray, " p"]:
+        """Sum of the squared penalties of `q` quads for each of `p` sets of corner positions."""
+        quads = np.arange(corners[..., 0].size).reshape(-1, 4)
         under = self.surface.normals[self._nearest.find_closest_cell(corners.reshape(-1, 4, 3).mean(axis=1))]
-        shape, (low, high) = shape_of(quads, corners, under.T), self.options.wanted_angles
+        shape, (low, high) = shape_of(quads.T, corners.reshape(-1, 3), under.T), self.options.wanted_angles
         angle = outer_angles(shape)
         missed = np.maximum(low - angle, 0).max(axis=0) + np.maximum(angle - high, 0).max(axis=0)
-        return ((missed + FOLDED * ~shape.valid) ** 2).reshape(len(places), -1).sum(axis=1)
+        return ((missed + FOLDED * ~shape.valid) ** 2).reshape(len(corners), -1).sum(axis=1)
 
     def bad(self, state: NodeState) -> Bool[np.ndarray, " m"]:
         """Quads beyond the limits of repair."""
