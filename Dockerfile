@@ -24,7 +24,6 @@ RUN pip install --no-cache-dir -c constraints.txt ".[flow]"
 
 COPY tasks tasks
 COPY flows flows
-COPY reports/templates reports/templates
 COPY prefect.yaml ./
 
 RUN useradd --create-home --uid 10001 meshgen \

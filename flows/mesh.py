@@ -1,22 +1,19 @@
 """Flow `mesh`: block-structured quad meshes of one or many surfaces, cached, visible in the dashboard."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import typer
-from prefect import State, flow
+from prefect import State, flow, get_run_logger
 from prefect.runtime import flow_run
 from prefect.states import Completed, Failed
 
 from drl_meshgen.commands.output import can_draw, folder_names
 from drl_meshgen.pipeline import STAGES, MeshOptions, ModelOptions
 from drl_meshgen.quality import Quality, gate
-from drl_meshgen.report import pictures
-from drl_meshgen.report.view import best_view
 from drl_meshgen.store import ArtifactRef, Store, reopen
 from flows import dashboard
 from flows.chain import BELOW_GATE, FINE, Outcome, exit_code, run_chain
@@ -58,28 +55,27 @@ def _judged(outcome: Outcome, quality: Quality) -> Outcome:
     return replace(outcome, failure=sentence, exit_code=BELOW_GATE)
 
 
-def _published(outcome: Outcome, store: Store) -> tuple[Outcome, dict[str, Any]]:
-    """Show one surface in the dashboard; return its outcome, judged by the quality gate, and its row of the table."""
-    if outcome.failure:
-        dashboard.show_surface(outcome, {})
-        return outcome, _row(outcome, {})
-    done = reopen(STAGES, outcome.refs, store)
-    metrics = done["quality"].metrics
-    outcome = _judged(outcome, done["quality"])
-    with TemporaryDirectory() as folder:
-        picture = Path(folder, "blocks.png") if can_draw() else None
-        if picture is not None:
-            pictures.write_png(
-                picture, pictures.draw_blocks(done["smoothing"].mesh, best_view(done["cleanup"].surface))
-            )
-        dashboard.show_surface(outcome, metrics, picture)
-    return outcome, _row(outcome, metrics)
+def _meshed(outcome: Outcome) -> bool:
+    return outcome.exit_code in (FINE, BELOW_GATE)
 
 
-def write_report(meshed: Mapping[str, Mapping[str, ArtifactRef]], store: Store) -> ArtifactRef:
-    """Make the report of all meshed surfaces. Needs a running flow."""
-    texts = {name: {stage: ref.to_json() for stage, ref in refs.items()} for name, refs in meshed.items()}
-    return ArtifactRef.from_json(report_task(texts, str(store.root)))
+def _report(outcomes: Sequence[Outcome], store: Store) -> ArtifactRef | None:
+    """Make the report of all meshed surfaces; None where there is none or the machine cannot draw."""
+    refs = {o.surface: {stage: ref.to_json() for stage, ref in o.refs.items()} for o in outcomes if _meshed(o)}
+    if not refs:
+        return None
+    if not can_draw():
+        get_run_logger().warning("no report, because the library EGL is not installed (libegl1)")
+        return None
+    return ArtifactRef.from_json(report_task(refs, str(store.root)))
+
+
+def _publish(outcomes: Sequence[Outcome], metrics: Sequence[Mapping[str, float]], pictures: Path | None) -> None:
+    """Show every surface and the table of all in the dashboard; `pictures` has a folder per surface."""
+    for outcome, figures in zip(outcomes, metrics, strict=True):
+        picture = None if pictures is None else pictures / dashboard.slug(outcome.surface) / "blocks.png"
+        dashboard.show_surface(outcome, figures, picture if picture is not None and picture.exists() else None)
+    dashboard.show_table([_row(outcome, figures) for outcome, figures in zip(outcomes, metrics, strict=True)])
 
 
 @flow(name="mesh", flow_run_name=_run_name, description=__doc__)
@@ -98,18 +94,27 @@ def mesh(
     """
     place = Store(store)
     options = MeshOptions().sized(target_quads)
-    outcomes, rows = [], []
+    outcomes: list[Outcome] = []
+    metrics: list[Mapping[str, float]] = []
     for source, name in zip(surfaces, folder_names(surfaces), strict=True):
         given = options.by_stage(source, triangles)
         complete = {stage.name: given.get(stage.name, stage.options()) for stage in STAGES}
-        outcome, row = _published(run_chain(TASKS, name, complete, str(place.root)), place)
+        outcome = run_chain(TASKS, name, complete, str(place.root))
+        figures: Mapping[str, float] = {}
+        if _meshed(outcome):
+            measured = reopen(STAGES, outcome.refs, place)["quality"]
+            outcome, figures = _judged(outcome, measured), measured.metrics
         outcomes.append(outcome)
-        rows.append(row)
-    dashboard.show_table(rows)
-    meshed = {outcome.surface: outcome.refs for outcome in outcomes if outcome.exit_code in (FINE, BELOW_GATE)}
-    if report is not None and meshed:
-        place.export(write_report(meshed, place), Path(report))
-    failures = [outcome.failure for outcome in outcomes if outcome.exit_code not in (FINE, BELOW_GATE)]
+        metrics.append(figures)
+    made = _report(outcomes, place)
+    if made is None:
+        _publish(outcomes, metrics, None)
+    else:
+        with place.folder(made) as folder:
+            _publish(outcomes, metrics, folder / "pictures")
+        if report is not None:
+            place.export(made, Path(report))
+    failures = [outcome.failure for outcome in outcomes if not _meshed(outcome)]
     if failures:
         return Failed(message="; ".join(failures), data=outcomes)
     return Completed(data=outcomes)
@@ -137,7 +142,7 @@ def main(
         if outcome.failure:
             typer.echo(outcome.failure, err=True)
     typer.echo(f"dashboard: {api.removesuffix('/api')}")
-    if any(outcome.exit_code in (FINE, BELOW_GATE) for outcome in outcomes):
+    if any(_meshed(outcome) for outcome in outcomes) and can_draw():
         typer.echo(f"report: {report / 'index.html'}")
     raise typer.Exit(exit_code(outcomes))
 

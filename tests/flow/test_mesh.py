@@ -17,8 +17,10 @@ def test_every_stage_has_its_task_in_order():
 @pytest.mark.usefixtures("server")
 def test_the_flow_and_the_library_leave_the_same_bytes_and_a_bad_file_spoils_nothing(tmp_path):
     (tmp_path / "empty.stl").touch()
-    store = tmp_path / "flow"
-    state = mesh([str(tmp_path / "empty.stl"), "hemisphere"], **SMALL, store=str(store), return_state=True)
+    store, report = str(tmp_path / "flow"), tmp_path / "report"
+    state = mesh(
+        [str(tmp_path / "empty.stl"), "hemisphere"], **SMALL, store=store, report=str(report), return_state=True
+    )
     bad, good = state.data.result
     assert state.is_failed()
     assert state.message == bad.failure
@@ -28,3 +30,4 @@ def test_the_flow_and_the_library_leave_the_same_bytes_and_a_bad_file_spoils_not
     assert exit_code([bad, good]) == 5
     alone = run("hemisphere", MeshOptions().sized(300), triangles=5000, store=Store(tmp_path / "library"))
     assert good.refs == alone.refs
+    assert "hemisphere" in (report / "index.html").read_text()
