@@ -30,6 +30,8 @@ class ReportOptions:
     """Heading of the page."""
     worst: int = 20
     """How many of the worst quads are shown (count)."""
+    picture_size: int = pictures.LONG_SIDE
+    """Longer side of the pictures of whole models (pixels)."""
     gate: str = "100 % valid, no structural defect, angles within 5°–175°"
     """What the verdict was judged by, in words."""
 
@@ -43,18 +45,18 @@ def _shape(run: ModelRun) -> QuadShape:
     return QuadShape(run.mesh.points[run.mesh.mesh.quads], normals)
 
 
-def _draw(run: ModelRun, shape: QuadShape, worst: pd.DataFrame, folder: Path) -> dict[str, str]:
+def _draw(run: ModelRun, shape: QuadShape, worst: pd.DataFrame, folder: Path, size: int) -> dict[str, str]:
     """Draw all pictures of a model into a folder; returns picture -> path relative to the page."""
     view = best_view(run.surface)
     drawn = {
-        "depth": pictures.draw_depth(run.cut_surface, run.depth, run.contours, view),
-        "regions": pictures.draw_regions(run.cut_surface, run.region, run.contours, view),
-        "blocks": pictures.draw_blocks(run.mesh, view),
-        "quality": pictures.draw_quality(run.mesh.mesh, shape, view),
-        "mesh " + OURS: pictures.draw_mesh(run.mesh.mesh, view),
+        "depth": pictures.draw_depth(run.cut_surface, run.depth, run.contours, view, long_side=size),
+        "regions": pictures.draw_regions(run.cut_surface, run.region, run.contours, view, long_side=size),
+        "blocks": pictures.draw_blocks(run.mesh, view, long_side=size),
+        "quality": pictures.draw_quality(run.mesh.mesh, shape, view, long_side=size),
+        "mesh " + OURS: pictures.draw_mesh(run.mesh.mesh, view, long_side=size),
     }
     for method, mesh in run.rivals.items():
-        drawn["mesh " + method] = pictures.draw_mesh(mesh, view, run.rival_triangles.get(method))
+        drawn["mesh " + method] = pictures.draw_mesh(mesh, view, run.rival_triangles.get(method), long_side=size)
     for rank, quad in enumerate(worst["quad"]):
         drawn[f"worst {rank:02}"] = pictures.draw_quad(run.mesh.mesh, shape, int(quad))
     paths = {name: folder / f"{_slug(name)}.png" for name in drawn}
@@ -86,31 +88,16 @@ def _write_tables(runs: Sequence[ModelRun], worst: Sequence[pd.DataFrame], folde
     for name, caption in captions.items():
         with replacing(folder / f"{name}.tex") as part:
             part.write_text(tables.latex(back[name], caption), encoding="utf-8")
+    per_model = tables.by_model(back["quality"]).items()
     with replacing(folder / "quality.tex") as part:
-        part.write_text(
-            "\n".join(
-                tables.latex(_matrix(rows), f"All metrics: {model}") for model, rows in _by_model(back["quality"])
-            ),
-            encoding="utf-8",
-        )
+        pieces = [tables.latex(tables.matrix(rows), f"All metrics: {model}") for model, rows in per_model]
+        part.write_text("\n".join(pieces), encoding="utf-8")
     return back
 
 
-def _by_model(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
-    return [(model, table[table["model"] == model]) for model in table["model"].drop_duplicates()]
-
-
-def _matrix(rows: pd.DataFrame) -> pd.DataFrame:
-    """One model's quality rows turned: a metric per row, a method per column, as text."""
-    out = {"metric": [c.label + (f" ({c.unit})" if c.unit else "") for c in tables.COLUMNS]}
-    for _, row in rows.iterrows():
-        out[str(row["method"])] = [tables.shown(c, float(row[c.key])) for c in tables.COLUMNS]
-    return pd.DataFrame(out)
-
-
-def _cells(rows: pd.DataFrame, keys: Sequence[str]) -> list[dict[str, Any]]:
+def _cells(rows: Sequence[tables.Row], columns: Sequence[tables.Column]) -> list[dict[str, Any]]:
     """Rows of a table as the template takes them: method, remarks and printed figures, the best ones marked."""
-    best = {key: tables.best_rows(rows, tables.BY_KEY[key]) for key in keys}
+    best = {c.key: tables.best_rows(rows, c) for c in columns}
     return [
         {
             "method": row["method"],
@@ -118,38 +105,38 @@ def _cells(rows: pd.DataFrame, keys: Sequence[str]) -> list[dict[str, Any]]:
             "ok": bool(row["ok"]),
             "cause": row["cause"],
             "defects": row["defects"],
-            "figures": {
-                key: {"text": tables.shown(tables.BY_KEY[key], float(row[key])), "best": label in best[key]}
-                for key in keys
-            },
+            "figures": {c.key: {"text": tables.shown(c, float(row[c.key])), "best": best[c.key][k]} for c in columns},
         }
-        for label, row in rows.iterrows()
+        for k, row in enumerate(rows)
     ]
 
 
-def _timings(rows: pd.DataFrame) -> dict[str, Any]:
-    total = float(rows["seconds"].sum())
+def _timings(rows: Sequence[tables.Row]) -> dict[str, Any]:
+    total = sum(float(row["seconds"]) for row in rows)
     stages = [
-        {"stage": s, "seconds": f"{t:.2f}", "share": round(100 * t / total, 2) if total > 0 else 0.0}
-        for s, t in zip(rows["stage"], rows["seconds"], strict=True)
+        {
+            "stage": row["stage"],
+            "seconds": f"{row['seconds']:.2f}",
+            "share": round(100 * float(row["seconds"]) / total, 2) if total > 0 else 0.0,
+        }
+        for row in rows
     ]
     return {"stages": stages, "total": f"{total:.2f}"}
 
 
-def _model(name: str, read: dict[str, pd.DataFrame], shown: dict[str, str]) -> dict[str, Any]:
+def _model(name: str, rows: dict[str, list[tables.Row]], shown: dict[str, str]) -> dict[str, Any]:
     """Everything the page says about one model, out of the tables that were read back."""
-    rows = {key: table[table["model"] == name] for key, table in read.items()}
-    keys = [c.key for c in tables.COLUMNS]
-    methods = _cells(rows["quality"], keys)
+    methods = _cells(rows["quality"], tables.COLUMNS)
     ours = next(m for m in methods if m["ours"])
-    paper = rows["table5"][rows["table5"]["source"] != "measured here"]
+    table_5 = [tables.BY_KEY[key] for key in tables.TABLE_5]
+    paper = [row for row in rows["table5"] if row["source"] != "measured here"]
     worst = [
         {
             "picture": shown[f"worst {rank:02}"],
             "angles": f"{row['min_angle']:.1f}° – {row['max_angle']:.1f}°",
             "place": f"block {row['block']} ({row['i']}, {row['j']})",
         }
-        for rank, row in enumerate(rows["worst"].to_dict("records"))
+        for rank, row in enumerate(rows["worst"])
     ]
     return {
         "name": name,
@@ -158,12 +145,12 @@ def _model(name: str, read: dict[str, pd.DataFrame], shown: dict[str, str]) -> d
         "strip": [(tables.BY_KEY[key], ours["figures"][key]["text"]) for key in _STRIP],
         "methods": methods,
         "paper": [
-            {"method": r["method"], "figures": {k: tables.shown(tables.BY_KEY[k], float(r[k])) for k in tables.TABLE_5}}
-            for r in paper.to_dict("records")
+            {"method": row["method"], "figures": {c.key: tables.shown(c, float(row[c.key])) for c in table_5}}
+            for row in paper
         ],
         "pictures": shown,
         "worst": worst,
-        "chart": Markup(angle_chart(rows["angles"], [m["method"] for m in methods])),  # noqa: S704 - made here, of figures
+        "chart": Markup(angle_chart(rows["angles"], [m["method"] for m in methods])),  # noqa: S704 - figures only
         "timings": _timings(rows["timings"]),
     }
 
@@ -177,15 +164,16 @@ def build_report(runs: Sequence[ModelRun], folder: Path | str, options: ReportOp
     options = options or ReportOptions()
     folder = Path(folder)
     for run in runs:
-        if not (run.quality["method"] == OURS).any():
+        if OURS not in run.quality["method"].tolist():
             raise ValueError(f"{run.name}: no row of {OURS} in its quality table")
     shapes = [_shape(run) for run in runs]
     worst = [tables.worst_table(run, shape, options.worst) for run, shape in zip(runs, shapes, strict=True)]
     read = _write_tables(runs, worst, folder / "tables")
-    models = [
-        _model(run.name, read, _draw(run, shape, bad, folder / "pictures" / _slug(run.name)))
-        for run, shape, bad in zip(runs, shapes, worst, strict=True)
-    ]
+    rows = {name: tables.by_model(table) for name, table in read.items()}
+    models = []
+    for run, shape, bad in zip(runs, shapes, worst, strict=True):
+        shown = _draw(run, shape, bad, folder / "pictures" / _slug(run.name), options.picture_size)
+        models.append(_model(run.name, {name: found[run.name] for name, found in rows.items()}, shown))
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
         autoescape=True,

@@ -3,17 +3,16 @@
 from collections.abc import Sequence
 
 import numpy as np
-import pandas as pd
 
-from drl_meshgen.report.tables import HISTOGRAM_STEP
+from drl_meshgen.report.tables import HISTOGRAM_STEP, Row
 
 _WIDTH, _HEIGHT, _LEFT, _BOTTOM, _TOP = 720, 260, 44, 34, 12
 
 
-def angle_chart(histogram: pd.DataFrame, methods: Sequence[str]) -> str:
-    """Return the share of corners by angle, first method filled, the others as lines. Needs one model's rows."""
+def angle_chart(histogram: Sequence[Row], methods: Sequence[str]) -> str:
+    """Return the share of corners by angle, first method filled, the others as lines, from one model's bins."""
     wide, high = _WIDTH - _LEFT - 8, _HEIGHT - _TOP - _BOTTOM
-    top = max(0.05, float(histogram["share"].max()) * 1.05)
+    top = max(0.05, max(float(row["share"]) for row in histogram) * 1.05)
 
     def x(angle: float) -> float:
         return round(_LEFT + wide * angle / 180, 1)
@@ -22,24 +21,24 @@ def angle_chart(histogram: pd.DataFrame, methods: Sequence[str]) -> str:
         return round(_TOP + high * (1 - share / top), 1)
 
     parts = [f'<svg class="chart" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" aria-label="Corner angles">']
-    step = 0.1 if top > 0.25 else 0.05
-    for share in np.arange(0, top, step):
-        parts.append(f'<line class="grid" x1="{_LEFT}" x2="{_WIDTH - 8}" y1="{y(share)}" y2="{y(share)}"/>')
-        parts.append(
-            f'<text class="tick" x="{_LEFT - 8}" y="{y(share) + 4}" text-anchor="end">{100 * share:.0f}%</text>'
-        )
-    for angle in range(0, 181, 30):
-        parts.append(f'<text class="tick" x="{x(angle)}" y="{_HEIGHT - 12}" text-anchor="middle">{angle}°</text>')
+    for share in np.arange(0, top, 0.1 if top > 0.25 else 0.05).tolist():
+        level = y(share)
+        parts.append(f'<line class="grid" x1="{_LEFT}" x2="{_WIDTH - 8}" y1="{level}" y2="{level}"/>')
+        parts.append(f'<text class="tick" x="{_LEFT - 8}" y="{level + 4}" text-anchor="end">{100 * share:.0f}%</text>')
+    parts += [
+        f'<text class="tick" x="{x(angle)}" y="{_HEIGHT - 12}" text-anchor="middle">{angle}°</text>'
+        for angle in range(0, 181, 30)
+    ]
     parts.append(f'<line class="ideal" x1="{x(90)}" x2="{x(90)}" y1="{_TOP}" y2="{y(0)}"/>')
     for k, method in reversed(list(enumerate(methods))):
-        rows = histogram[histogram["method"] == method]
-        if rows.empty:
-            continue
         points = [
-            f"{x(left + side * HISTOGRAM_STEP)},{y(share)}"
-            for left, share in zip(rows["from"], rows["share"], strict=True)
+            f"{x(row['from'] + side * HISTOGRAM_STEP)},{y(row['share'])}"
+            for row in histogram
+            if row["method"] == method
             for side in (0, 1)
         ]
+        if not points:
+            continue
         if k == 0:
             parts.append(f'<polygon class="area s0" points="{x(0)},{y(0)} {" ".join(points)} {x(180)},{y(0)}"/>')
         parts.append(f'<polyline class="curve s{k}" points="{" ".join(points)}"/>')

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
@@ -15,26 +15,24 @@ from drl_meshgen.quality import QuadShape
 from drl_meshgen.report import palette
 from drl_meshgen.report.view import View
 
-if TYPE_CHECKING:
-    import pyvista as pv
-
 Image = UInt8[np.ndarray, "h w 3"]
-_OVERSAMPLING, _LONG_SIDE, _MARGIN = 2, 1000, 1.06
+LONG_SIDE = 1000
+"""Longer side of a picture, pixels, unless told otherwise."""
+_OVERSAMPLING, _MARGIN = 2, 1.06
 
 
-def _pyvista() -> "type[pv]":
-    """Import pyvista for drawing without a display."""
+def _pyvista() -> Any:
+    """Import pyvista for drawing without a display. Its stubs do not know its own methods, hence `Any`."""
     os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     import pyvista
 
-    pyvista.OFF_SCREEN = True
-    return pyvista  # pyright: ignore[reportReturnType]
+    return pyvista
 
 
 class Scene:
     """A white picture being drawn: add surfaces, lines and nodes, then `shoot`."""
 
-    def __init__(self, view: View, long_side: int = _LONG_SIDE) -> None:
+    def __init__(self, view: View, long_side: int = LONG_SIDE) -> None:
         self.view = view
         unit = long_side / max(view.half_width, view.half_height)
         self.size = tuple(max(2, round(unit * half)) for half in (view.half_width, view.half_height))
@@ -56,14 +54,17 @@ class Scene:
         colour: str | Float[np.ndarray, "m 3"] = palette.PLAIN,
         *,
         lines: float = 0.0,
-        smooth: bool = False,
+        flat: bool = False,
     ) -> None:
-        """Add polygons in one colour or one RGB (0..255) per face, with mesh lines of a width in pixels."""
+        """Add polygons in one colour or one RGB (0..255) per face, with mesh lines of a width in pixels.
+
+        `flat` polygons are drawn without light and shade.
+        """
         mesh = self._pv.PolyData.from_regular_faces(points, faces)
         style = {"show_edges": lines > 0, "edge_color": palette.LINE, "line_width": lines * _OVERSAMPLING}
         style |= {"ambient": 0.48, "diffuse": 0.66, "specular": 0.0}
-        if smooth:
-            style |= {"smooth_shading": True, "split_sharp_edges": False}
+        if flat:
+            style["lighting"] = False
         if isinstance(colour, str):
             self._plotter.add_mesh(mesh, color=colour, **style)
         else:
@@ -132,7 +133,7 @@ class Scene:
 
 
 def write_png(path: Path, image: Image) -> None:
-    """Write a picture with a palette of 256 colours where that shows no difference to the eye."""
+    """Write a picture, whole or not at all."""
     from PIL import Image as Pillow
 
     with replacing(path) as part:
@@ -167,20 +168,30 @@ def _irregular(scene: Scene, mesh: QuadMesh, thickness: float) -> None:
 
 
 def draw_depth(
-    surface: TriMesh, depth: Float[np.ndarray, " v"], contours: Sequence[Float[np.ndarray, "k 3"]], view: View
+    surface: TriMesh,
+    depth: Float[np.ndarray, " v"],
+    contours: Sequence[Float[np.ndarray, "k 3"]],
+    view: View,
+    *,
+    long_side: int = LONG_SIDE,
 ) -> Image:
     """Draw the surface coloured by depth, with thin isolines and the contours that cut it."""
-    scene = Scene(view)
+    scene = Scene(view, long_side)
     scene.field(surface, depth, palette.DEPTH, isolines=24)
     scene.curves(contours, palette.CONTOUR)
     return scene.shoot()
 
 
 def draw_regions(
-    surface: TriMesh, region: Int[np.ndarray, " f"], contours: Sequence[Float[np.ndarray, "k 3"]], view: View
+    surface: TriMesh,
+    region: Int[np.ndarray, " f"],
+    contours: Sequence[Float[np.ndarray, "k 3"]],
+    view: View,
+    *,
+    long_side: int = LONG_SIDE,
 ) -> Image:
     """Draw the cut surface, one colour per region."""
-    scene = Scene(view)
+    scene = Scene(view, long_side)
     t = surface.topology
     pairs = region[t.edge_faces[t.edge_count == 2]]
     colour = palette.neighbour_colours(int(region.max()) + 1, np.unique(pairs, axis=0))
@@ -189,9 +200,9 @@ def draw_regions(
     return scene.shoot()
 
 
-def draw_blocks(mesh: BlockMesh, view: View) -> Image:
+def draw_blocks(mesh: BlockMesh, view: View, *, long_side: int = LONG_SIDE) -> Image:
     """Draw the blocks in colours, mesh lines thin, block edges thick, irregular nodes as balls coloured by valence."""
-    scene = Scene(view)
+    scene = Scene(view, long_side)
     t = mesh.mesh.topology
     pairs = mesh.block[t.edge_faces[t.edge_count == 2]]
     colour = palette.neighbour_colours(len(mesh.grids), np.unique(pairs, axis=0))
@@ -201,17 +212,19 @@ def draw_blocks(mesh: BlockMesh, view: View) -> Image:
     return scene.shoot()
 
 
-def draw_quality(mesh: QuadMesh, shape: QuadShape, view: View) -> Image:
+def draw_quality(mesh: QuadMesh, shape: QuadShape, view: View, *, long_side: int = LONG_SIDE) -> Image:
     """Draw each quad in the colour of its largest deviation from a right angle."""
-    scene = Scene(view)
+    scene = Scene(view, long_side)
     share = np.clip(shape.deviation / palette.DEVIATION_RANGE, 0, 1)
     scene.faces(mesh.points, mesh.quads, _graded(share, palette.DEVIATION), lines=0.5)
     return scene.shoot()
 
 
-def draw_mesh(mesh: QuadMesh, view: View, triangles: Int[np.ndarray, "t 3"] | None = None) -> Image:
+def draw_mesh(
+    mesh: QuadMesh, view: View, triangles: Int[np.ndarray, "t 3"] | None = None, *, long_side: int = LONG_SIDE
+) -> Image:
     """Draw a mesh of any method alike: mesh lines, irregular nodes by valence, leftover triangles in red."""
-    scene = Scene(view)
+    scene = Scene(view, long_side)
     scene.faces(mesh.points, mesh.quads, lines=0.7)
     if triangles is not None and len(triangles):
         scene.faces(mesh.points, triangles, palette.WORST, lines=0.7)
@@ -235,6 +248,6 @@ def draw_quad(mesh: QuadMesh, shape: QuadShape, quad: int, long_side: int = 240)
     up = up / length if length > 0 else np.cross(normal, np.roll(normal, 1))
     scene = Scene(View(normal, up, centre, half, half), long_side)
     if len(others):
-        scene.faces(mesh.points, mesh.quads[others], lines=1.0)
-    scene.faces(mesh.points, mesh.quads[quad : quad + 1], palette.WORST, lines=1.6)
+        scene.faces(mesh.points, mesh.quads[others], lines=1.0, flat=True)
+    scene.faces(mesh.points, mesh.quads[quad : quad + 1], palette.WORST, lines=1.6, flat=True)
     return scene.shoot()

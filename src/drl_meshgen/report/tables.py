@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,6 +21,10 @@ PAPER = (
     ("hand", "Gmsh", 14.57, 176.38, 161.69, 8.86, 53.0),
 )
 """Table 5 of the paper as printed, measured by its authors on their own models."""
+
+
+Row = dict[str, Any]
+"""One row of a table, by column name."""
 
 
 @dataclass(frozen=True)
@@ -86,24 +91,41 @@ def quality_table(runs: Sequence[ModelRun]) -> pd.DataFrame:
     table = pd.concat(parts, ignore_index=True)
     head = ["model", "method", "ok", "cause", "defects"]
     table = table.reindex(columns=[*head, *(c.key for c in COLUMNS)])
-    return table.assign(**{text: table[text].fillna("") for text in ("cause", "defects")})
+    return table.fillna({"cause": "", "defects": ""})
 
 
 def timing_table(runs: Sequence[ModelRun]) -> pd.DataFrame:
     """Return `model`, `stage`, `seconds` for all models."""
-    return pd.concat([run.timings[["stage", "seconds"]].assign(model=run.name) for run in runs], ignore_index=True)[
-        ["model", "stage", "seconds"]
-    ]
+    parts = [run.timings.assign(model=run.name) for run in runs]
+    return pd.concat(parts, ignore_index=True).reindex(columns=["model", "stage", "seconds"])
+
+
+def by_model(table: pd.DataFrame) -> dict[str, list[Row]]:
+    """Return the rows of each model, models in order of appearance."""
+    rows: dict[str, list[Row]] = {}
+    for row in table.to_dict("records"):
+        rows.setdefault(str(row["model"]), []).append({str(k): v for k, v in row.items()})
+    return rows
+
+
+def matrix(rows: Sequence[Row]) -> pd.DataFrame:
+    """Return one model's quality rows turned: a metric per row, a method per column, as text."""
+    out = {"metric": [c.label + (f" ({c.unit})" if c.unit else "") for c in COLUMNS]}
+    for row in rows:
+        out[row["method"]] = [shown(c, float(row[c.key])) for c in COLUMNS]
+    return pd.DataFrame(out)
 
 
 def table_5(quality: pd.DataFrame) -> pd.DataFrame:
     """Return the columns of the paper's Table 5: `model`, `method`, `source`, figures; the paper's rows after ours."""
-    ours = quality[["model", "method", *TABLE_5]].assign(source="measured here")
+    keys = ["model", "method", "source", *TABLE_5]
     paper = pd.DataFrame(list(PAPER), columns=["model", "method", *TABLE_5]).assign(source="printed in the paper")
-    rows = []
-    for model in quality["model"].drop_duplicates():
-        rows += [ours[ours["model"] == model], paper[paper["model"] == model]]
-    return pd.concat(rows, ignore_index=True)[["model", "method", "source", *TABLE_5]]
+    printed = by_model(paper)
+    rows: list[Row] = []
+    for model, measured in by_model(quality).items():
+        rows += [row | {"source": "measured here"} for row in measured]
+        rows += printed.get(model, [])
+    return pd.DataFrame(rows).reindex(columns=keys)
 
 
 def angle_histogram(runs: Sequence[ModelRun]) -> pd.DataFrame:
@@ -140,16 +162,18 @@ def worst_table(run: ModelRun, shape: QuadShape, count: int) -> pd.DataFrame:
     )
 
 
-def best_rows(table: pd.DataFrame, column: Column) -> set[int]:
-    """Return the index labels of the best rows of a column, among those that were meshed whole and valid."""
-    if not column.better or column.key not in table:
-        return set()
-    fair = table[table["ok"] & (table["validity"] == 1)] if "ok" in table else table
-    values = fair[column.key].dropna()
-    if len(values) < 2:
-        return set()
-    best = values.max() if column.better == "high" else values.min()
-    return {int(k) for k in values.index[values == best]} if values.nunique() > 1 else set()
+def best_rows(rows: Sequence[Row], column: Column) -> list[bool]:
+    """Return for each row whether it has the best figure of a column, among rows that are whole and valid.
+
+    No row is marked where fewer than two compete or all are equal.
+    """
+    sign = {"high": 1.0, "low": -1.0, "": np.nan}[column.better]
+    fair = [bool(row["ok"]) and float(row["validity"]) == 1 for row in rows]
+    values = np.array([sign * float(row[column.key]) if f else np.nan for row, f in zip(rows, fair, strict=True)])
+    there = np.isfinite(values)
+    if not there.any() or np.ptp(values[there]) == 0:
+        return [False] * len(rows)
+    return (there & (values == values[there].max())).tolist()
 
 
 def latex(table: pd.DataFrame, caption: str) -> str:
@@ -164,8 +188,8 @@ def latex(table: pd.DataFrame, caption: str) -> str:
     columns = [BY_KEY.get(c) for c in table.columns]
     head = [text(str(k).capitalize() if c is None else c.label) for k, c in zip(table.columns, columns, strict=True)]
     body = [
-        [text(v) if c is None else text(shown(c, float(v)).replace(",", "")) for v, c in zip(row, columns, strict=True)]
-        for row in table.itertuples(index=False)
+        [text(v) if c is None else text(shown(c, v).replace(",", "")) for v, c in zip(row, columns, strict=True)]
+        for row in table.itertuples(index=False, name=None)
     ]
     form = "".join("l" if c is None else "r" for c in columns)
     lines = [" & ".join(cells) + r" \\" for cells in (head, *body)]
