@@ -1,8 +1,7 @@
 """One Gmsh run on one surface, in a process of its own: `python gmsh_worker.py JOB OUT`.
 
-JOB is an `.npz` with `vertices`, `triangles`, `loop` (boundary vertices in order; transfinite only), `corners` (4
-positions in the loop; transfinite only) and the scalars named in `Job`; nothing else of the package is imported. OUT gets `points`, `quads`, `triangles`,
-`seconds`.
+JOB is an `.npz` with the fields of `Job`; OUT gets `points`, `quads`, `triangles`, `seconds`. Nothing else of the
+package is imported.
 """
 
 import sys
@@ -24,7 +23,9 @@ class Job:
     vertices: Float[np.ndarray, "v 3"]
     triangles: Int[np.ndarray, "f 3"]
     loop: Int[np.ndarray, " n"]
+    """Boundary vertices in order; transfinite only."""
     corners: Int[np.ndarray, " 4"]
+    """Positions of the four corners in the loop, the first one 0; transfinite only."""
     method: str
     """`quasi-structured`, `blossom`, `blossom-subdivided` or `transfinite`."""
     size: float

@@ -208,7 +208,7 @@ def draw_blocks(mesh: BlockMesh, view: View, *, long_side: int = LONG_SIDE) -> I
     colour = palette.neighbour_colours(len(mesh.grids), np.unique(pairs, axis=0))
     scene.faces(mesh.points, mesh.mesh.quads, _rgb(palette.PASTELS)[colour[mesh.block]], lines=0.6)
     scene.curves(block_lines(mesh), palette.INK, 0.32)
-    _irregular(scene, mesh.mesh, 1.15)
+    _irregular(scene, mesh.mesh, 1.6)
     return scene.shoot()
 
 
@@ -228,7 +228,7 @@ def draw_mesh(
     scene.faces(mesh.points, mesh.quads, lines=0.7)
     if triangles is not None and len(triangles):
         scene.faces(mesh.points, triangles, palette.WORST, lines=0.7)
-    _irregular(scene, mesh, 0.8)
+    _irregular(scene, mesh, 1.0)
     return scene.shoot()
 
 
