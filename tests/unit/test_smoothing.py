@@ -1,4 +1,5 @@
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -21,14 +22,14 @@ def cap(rings=16, bulge=1.0):
     flat = np.concatenate(points)
     triangles = []
     for r in range(1, rings + 1):
-        inner0, outer0 = (1 + 3 * (r - 1) * (r - 2) if r > 1 else 0), 1 + 3 * r * (r - 1)
+        first, before = 1 + 3 * r * (r - 1), 1 + 3 * (r - 1) * (r - 2) if r > 1 else 0
+        inside = max(6 * (r - 1), 1)
         for k in range(6 * r):
             sector, j = divmod(k, r)
-            inner = (lambda m, r=r, i0=inner0: i0 + (m % (6 * (r - 1)) if r > 1 else 0))(sector * (r - 1) + j)
-            outer, after = outer0 + k, outer0 + (k + 1) % (6 * r)
-            triangles.append([inner, outer, after])
+            inner, after = before + (k - sector) % inside, first + (k + 1) % (6 * r)
+            triangles.append([inner, first + k, after])
             if j < r - 1:
-                triangles.append([inner, after, inner0 + (sector * (r - 1) + j + 1) % (6 * (r - 1))])
+                triangles.append([inner, after, before + (k - sector + 1) % inside])
     height = bulge * (1 - (flat**2).sum(axis=1))
     return TriMesh(np.c_[flat, height], np.array(triangles))
 
@@ -47,7 +48,7 @@ def o_grid(n=8, layers=4):
         rings.append(np.arange(len(rim)) + len(core) + (layer - 1) * len(rim))
         points.append((1 - r) * core[rim] + r * outward)
     quads = [np.stack([ids[:-1, :-1], ids[1:, :-1], ids[1:, 1:], ids[:-1, 1:]], axis=-1).reshape(-1, 4)]
-    quads += [np.c_[a, b, np.roll(b, -1), np.roll(a, -1)] for a, b in zip(rings[:-1], rings[1:], strict=True)]
+    quads += [np.c_[a, b, np.roll(b, -1), np.roll(a, -1)] for a, b in pairwise(rings)]
     return np.concatenate(points), np.concatenate(quads)
 
 
@@ -144,9 +145,7 @@ def test_derivatives_agree_with_finite_differences():
     for hinge in (0.0, 5.0):
         energy = QuadEnergy(mesh, SmoothingOptions()).with_hinge(hinge)
         system = energy.system(state, energy.residuals(state))
-        ahead, behind = (
-            energy.residuals(replace(state, points=state.points + sign * 1e-7 * move)) for sign in (1, -1)
-        )
+        ahead, behind = (energy.residuals(replace(state, points=state.points + sign * 1e-7 * move)) for sign in (1, -1))
         rows = (ahead.rows - behind.rows) / 2e-7
         assert np.median(np.abs(system.jacobian @ direction.T.ravel() - rows.ravel())) < 1e-6
         slope = (energy.quad_costs(ahead).sum() - energy.quad_costs(behind).sum()) / 2e-7

@@ -60,7 +60,7 @@ def test_walk_and_back_returns_to_the_start():
     surface = square()
     walker = SurfaceWalker(surface)
     triangle, weights = np.array([0, 30]), np.full((2, 3), 1 / 3)
-    step = np.array([[0.3, 0.2, 0], [0.1, -0.15, 0]])
+    step = np.array([[0.3, 0.2, 0], [-0.1, 0.15, 0]])
     there = walker.walk(triangle, weights, step)
     back = walker.walk(*there, -step)
     assert np.allclose(walker.positions(*back), walker.positions(triangle, weights))

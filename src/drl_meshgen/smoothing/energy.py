@@ -3,7 +3,7 @@
 Arrays of vectors have the component first and the quad last, `(3, 4, m)`: numpy is fastest that way.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -38,7 +38,7 @@ def dot(a: Float[np.ndarray, "3 ..."], b: Float[np.ndarray, "3 ..."]) -> Float[n
 
 
 def unit(a: Float[np.ndarray, "3 ..."]) -> Float[np.ndarray, "3 ..."]:
-    """Unit vectors along the first axis (zero stays zero)."""
+    """Scale vectors along the first axis to length one (zero stays zero)."""
     return a / np.sqrt(np.maximum(dot(a, a), TINY))
 
 
@@ -63,7 +63,7 @@ class Shape:
     @property
     def valid(self) -> Bool[np.ndarray, " m"]:
         """Quads whose four Jacobians are positive."""
-        return (self.jacobian > 0).all(axis=0)
+        return np.all(self.jacobian > 0, axis=0)
 
 
 def shape_of(quads: Int[np.ndarray, "4 m"], points: Float[np.ndarray, "n 3"], up: Float[np.ndarray, "3 m"]) -> Shape:
@@ -110,7 +110,7 @@ class Residuals:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """Gauss-Newton system `J^T W J x = -g` in factored form; unknowns are `2 * node + direction`."""
+    """Gauss-Newton system `J^T W J x = -g` in factored form; unknowns are `node + n * direction`."""
 
     jacobian: csr_array
     transposed: csr_array
@@ -125,7 +125,7 @@ class System:
     def multiply(self, x: Float[np.ndarray, " u"]) -> Float[np.ndarray, " u"]:
         """Apply the Gauss-Newton matrix."""
         y = self.jacobian @ x
-        m = self.difference.shape[1]
+        m = len(self.row_weight) // ROWS
         areas = self.difference_transposed @ (self.pair_weight * (self.difference @ y[-m:]))
         y *= self.row_weight
         y[-m:] = areas
@@ -223,26 +223,28 @@ class QuadEnergy:
     # -- derivatives -------------------------------------------------------------------------------------------
 
     @cached_property
-    def _pattern(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, csr_array, csr_array]:
-        """Column indices and row starts of the Jacobian, nodes of its entries, difference operator of the pairs."""
+    def _pattern(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, csr_array, csr_array, csr_array]:
+        """Columns and row starts of the Jacobian, nodes of its entries, difference operator of the pairs.
+
+        The last one is the Jacobian's transpose with the place of each entry as its value.
+        """
         q, m = self.quads, self.quads.shape[1]
         corner = np.stack([np.roll(q, -1, axis=0), q, np.roll(q, 1, axis=0)], axis=-1)
         others = np.broadcast_to(q.T, (4, m, 4))
         nodes = np.concatenate([corner.ravel(), others.ravel()])
-        columns = (2 * nodes[:, None] + np.arange(2)).ravel().astype(np.int32)
+        columns = (nodes[:, None] + self.n_nodes * np.arange(2)).ravel().astype(np.int32)
         starts = np.r_[0, np.cumsum(np.repeat(2 * np.array(OWN_NODES), m))].astype(np.int32)
         e = self.pairs.shape[1]
         data = np.tile([1.0, -1.0], e)
         difference = csr_array((data, self.pairs.T.ravel(), np.arange(0, 2 * e + 1, 2)), (e, m))
-        return columns, starts, nodes, difference, difference.T.tocsr()
+        numbered = csr_array((np.arange(len(columns)), columns, starts), (ROWS * m, 2 * self.n_nodes)).T.tocsr()
+        return columns, starts, nodes, difference, difference.T.tocsr(), numbered
 
-    def system(self, state: NodeState, r: Residuals) -> System:
-        """Linearise the residuals in the unknowns of the nodes."""
-        o, s = self.options, r.shape
-        m = self.quads.shape[1]
-        columns, starts, nodes, difference, difference_transposed = self._pattern
+    def _entries(self, state: NodeState, r: Residuals) -> Float[np.ndarray, " k"]:
+        """Values of the Jacobian in the order of its pattern: derivative of each row by each of its unknowns."""
+        s, m = r.shape, self.quads.shape[1]
         tangents = state.tangents[:, self.ids].transpose(2, 0, 1)[:, :, self.quads]  # 3 2 4 m
-        entries = np.empty(2 * len(nodes))
+        entries = np.empty(2 * sum(OWN_NODES) * m)
         corner = entries[: 24 * m].reshape(4, m, 3, 2)
         others = entries[24 * m :].reshape(4, m, 4, 2)
 
@@ -292,7 +294,13 @@ class QuadEnergy:
             gradient = cross(other, s.normal) * (scale if k == 0 else -scale)
             put(others[3], k + 2, gradient, k + 2)
             put(others[3], k, -gradient, k)
+        return entries
 
+    def system(self, state: NodeState, r: Residuals) -> System:
+        """Linearise the residuals in the unknowns of the nodes."""
+        o, m = self.options, self.quads.shape[1]
+        columns, starts, nodes, difference, difference_transposed, numbered = self._pattern
+        entries = self._entries(state, r)
         row_weight = np.repeat([1.0, o.aspect_weight**2, o.warp_weight**2, 0.0], np.array([4, 1, 2, 1]) * m)
         pair_weight = np.full(len(r.jump), o.area_weight**2)
         forces = row_weight.reshape(ROWS, m) * r.rows
@@ -308,7 +316,9 @@ class QuadEnergy:
             pair_weight += w * (jump != 0)
         forces[7] = difference_transposed @ pull_apart
         jacobian = csr_array((entries, columns, starts), (ROWS * m, 2 * self.n_nodes))
-        transposed = jacobian.T
+        transposed = csr_array(
+            (entries[np.asarray(numbered.data, np.int64)], numbered.indices, numbered.indptr), numbered.shape
+        )
         # diagonal blocks; for the area rows the coupling between quads is left out
         area_weight = np.bincount(self.pairs.ravel(), np.tile(pair_weight, 2), minlength=m)
         full = row_weight.copy()
@@ -316,9 +326,12 @@ class QuadEnergy:
         pairs2 = entries.reshape(-1, 2)
         per_entry = np.repeat(full, np.repeat(OWN_NODES, m))
         weighted = pairs2 * per_entry[:, None]
-        blocks = np.stack([
-            np.bincount(nodes, weighted[:, a] * pairs2[:, b], minlength=self.n_nodes) for a, b in ((0, 0), (0, 1), (1, 1))
-        ])
+        blocks = np.stack(
+            [
+                np.bincount(nodes, weighted[:, a] * pairs2[:, b], minlength=self.n_nodes)
+                for a, b in ((0, 0), (0, 1), (1, 1))
+            ]
+        )
         gradient = transposed @ forces.ravel()
         return System(
             jacobian, transposed, row_weight, pair_weight, difference, difference_transposed, gradient, blocks

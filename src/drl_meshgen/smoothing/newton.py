@@ -17,7 +17,7 @@ LOCAL_TRIES = 5
 LOCAL_SHORTENING = 0.25
 SPOT = 0.01
 """A quad that accounts for more than this share of the increase of the cost is a spot."""
-ENOUGH = 3e-3
+ENOUGH = 5e-3
 """A stage ends when a step lowers the cost by less than this share."""
 
 Observer = Callable[[NodeState, Residuals, float, float], None]
@@ -25,7 +25,12 @@ Observer = Callable[[NodeState, Residuals, float, float], None]
 
 
 def minimise(
-    space: NodeSpace, energy: QuadEnergy, state: NodeState, reach: Float[np.ndarray, " n"], steps: int,
+    space: NodeSpace,
+    energy: QuadEnergy,
+    state: NodeState,
+    reach: Float[np.ndarray, " n"],
+    *,
+    steps: int,
     observe: Observer = lambda *_: None,
 ) -> NodeState:
     """Levenberg-Marquardt with at most `steps` linearisations; no node moves further than `reach` in one step.
@@ -88,31 +93,34 @@ def solve(system: System, damping: float, iterations: int, tolerance: float = 0.
     inverse_b = np.where(lone, 0, -b / determinant)
     inverse_c = np.where(lone, 0, (a + ridge) / determinant)
 
+    a, b, c = damping * system.diagonal_blocks
+
     def precondition(r: Float[np.ndarray, " u"]) -> Float[np.ndarray, " u"]:
-        z = np.empty_like(r)
-        z[0::2] = inverse_a * r[0::2] + inverse_b * r[1::2]
-        z[1::2] = inverse_b * r[0::2] + inverse_c * r[1::2]
-        return z
+        first, second = r.reshape(2, -1)
+        return np.concatenate([inverse_a * first + inverse_b * second, inverse_b * first + inverse_c * second])
 
     def damped(x: Float[np.ndarray, " u"]) -> Float[np.ndarray, " u"]:
-        y = system.multiply(x)
-        y[0::2] += damping * (a * x[0::2] + b * x[1::2])
-        y[1::2] += damping * (b * x[0::2] + c * x[1::2])
-        return y
+        first, second = x.reshape(2, -1)
+        return system.multiply(x) + np.concatenate([a * first + b * second, b * first + c * second])
 
     x = np.zeros_like(system.gradient)
     r = -system.gradient
     z = precondition(r)
-    p, rz = z, r @ z
+    p, rz = z, product(r, z)
     enough = tolerance**2 * rz
     for _ in range(iterations):
         if rz <= enough or rz == 0:
             break
         q = damped(p)
-        alpha = rz / (p @ q)
+        alpha = rz / product(p, q)
         x += alpha * p
         r -= alpha * q
         z = precondition(r)
-        rz, last = r @ z, rz
+        rz, last = product(r, z), rz
         p = z + (rz / last) * p
-    return x.reshape(-1, 2)
+    return x.reshape(2, -1).T
+
+
+def product(a: Float[np.ndarray, " u"], b: Float[np.ndarray, " u"]) -> float:
+    """Scalar product summed in the same order on any number of threads."""
+    return float(np.einsum("i,i->", a, b))

@@ -106,7 +106,9 @@ class NodeSpace:
         points = self.walker.positions(triangle, weights)
         points[self.fixed] = self.mesh.points[self.fixed]
         normals = self.walker.normals(triangle, weights)
-        return NodeState(triangle, weights, s, points, normals, self._tangents(normals, np.arange(len(points)), direction))
+        return NodeState(
+            triangle, weights, s, points, normals, self._tangents(normals, np.arange(len(points)), direction)
+        )
 
     def freeze(self, state: NodeState, moving: Bool[np.ndarray, " n"]) -> NodeState:
         """Return the state with the tangents of all nodes but the moving ones set to zero: they stay for good."""

@@ -74,7 +74,7 @@ def optimise(
     for k, (hinge, steps) in enumerate(zip(options.hinge_weights, options.newton_steps, strict=True)):
         stage = f"newton {k + 1}"
         reach = reach_of(mesh, state.points, options.step_limit)
-        state = minimise(space, energy.with_hinge(hinge), state, reach, steps, record.observer(stage))
+        state = minimise(space, energy.with_hinge(hinge), state, reach, steps=steps, observe=record.observer(stage))
         if record.rows[-1]["invalid"]:
             state = unfold(space, energy, referee, state, options)
             record.judge(f"unfold {k + 1}", state)
@@ -82,17 +82,18 @@ def optimise(
     if record.rows[-1]["invalid"]:
         unfinished = search(space, referee, state)
         record.judge("search", unfinished)
+    final = referee.figures(record.state, exact=True)
     for k in range(options.repair_rounds):
         state = record.state
-        if referee.figures(state, exact=True).invalid:
+        if final.invalid:
             state = search_all(space, referee, (state, unfinished))
             record.restart("search", state)
         mended = repair(space, energy, referee, state, options.repair_rings + k)
         if mended is state:
             break
         record.judge(f"repair {k + 1}", mended)
+        final = referee.figures(record.state, exact=True)
     state = record.state
-    final = referee.figures(state, exact=True)
     low, high = options.wanted_angles
     if final.invalid:
         outcome = SmoothingOutcome.INVALID

@@ -32,15 +32,15 @@ class SmoothingOptions:
     """Area ratios of edge-adjacent quads above this are penalised on top."""
     wanted_warp: float = 30.0
     """Dihedral angles at diagonals above this (degrees) are penalised on top."""
-    hinge_weights: tuple[float, ...] = (0.0, 5.0)
+    hinge_weights: tuple[float, ...] = (0.0, 3.0, 15.0)
     """Weight of the violation of a limit, relative to a corner angle, one stage of the optimisation after another."""
     relax_sweeps: int = 10
     """Local-global sweeps towards well-shaped quads before anything else."""
-    newton_steps: tuple[int, ...] = (12, 12)
+    newton_steps: tuple[int, ...] = (8, 8, 6)
     """Most Gauss-Newton steps of each stage."""
-    repair_angles: tuple[float, float] = (45.0, 135.0)
+    repair_angles: tuple[float, float] = (50.0, 130.0)
     """Quads with a corner angle outside these limits (degrees) are repaired together with their surroundings."""
-    repair_area_ratio: float = 3.0
+    repair_area_ratio: float = 2.5
     """Edge-adjacent quads whose areas differ by more than this factor are repaired as well."""
     unfold_rounds: int = 3
     """Most rounds of untangling, in growing patches, each time folded quads are looked for."""

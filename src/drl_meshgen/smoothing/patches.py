@@ -53,10 +53,8 @@ def patch_around(mesh: QuadMesh, bad: Bool[np.ndarray, " m"], rings: int, whole:
     return Patch(QuadEnergy(mesh, whole.options, ids, whole.ideal), moving, spot)
 
 
-def keep_better(
-    space: NodeSpace, referee: Referee, patch: Patch, old: NodeState, new: NodeState
-) -> tuple[NodeState, Float[np.ndarray, " m"]]:
-    """Return the state that has `new` in the spots it improves and `old` elsewhere, and its penalty per quad."""
+def keep_better(space: NodeSpace, referee: Referee, patch: Patch, old: NodeState, new: NodeState) -> NodeState:
+    """Return the state that has `new` in the spots it improves and `old` elsewhere; `old` itself if there are none."""
     before, after = referee.penalties(old), referee.penalties(new)
     inside = patch.spot >= 0
     gain = np.bincount(patch.spot[inside], (before - after)[inside])
@@ -64,7 +62,7 @@ def keep_better(
     better[inside] = gain[patch.spot[inside]] > 0
     take = np.zeros(len(old.points), bool)
     take[space.mesh.quads[better].ravel()] = True
-    return space.mixed(old, new, take & patch.moving), np.where(better, after, before)
+    return space.mixed(old, new, take & patch.moving) if better.any() else old
 
 
 def unfold(
@@ -79,7 +77,7 @@ def unfold(
         patch = patch_around(mesh, folded, options.repair_rings + 2 * round_, whole)
         reach = reach_of(mesh, state.points, 2 * options.step_limit)
         tried = space.thaw(untangle(space, patch.energy, space.freeze(state, patch.moving), reach))
-        state, _ = keep_better(space, referee, patch, state, tried)
+        state = keep_better(space, referee, patch, state, tried)
     return state
 
 
@@ -98,5 +96,5 @@ def repair(
     patch = patch_around(mesh, bad, rings, whole)
     reach = reach_of(mesh, state.points, options.step_limit)
     local = patch.energy.with_hinge(options.repair_hinge)
-    tried = minimise(space, local, space.freeze(state, patch.moving), reach, options.repair_steps)
-    return keep_better(space, referee, patch, state, space.thaw(tried))[0]
+    tried = minimise(space, local, space.freeze(state, patch.moving), reach, steps=options.repair_steps)
+    return keep_better(space, referee, patch, state, space.thaw(tried))

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from drl_meshgen.smoothing.nodes import NodeSpace, NodeState
 from drl_meshgen.smoothing.verdict import Referee
@@ -36,7 +36,9 @@ class _Board:
         ring = self.space.mesh.quads[np.unique(np.concatenate(at))]
         scale = np.linalg.norm(self.points[ring] - self.points[np.roll(ring, 1, axis=1)], axis=2).mean()
         angle = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS + turn
-        circle = np.cos(angle)[:, None] * self.tangents[0, group[0]] + np.sin(angle)[:, None] * self.tangents[1, group[0]]
+        circle = (
+            np.cos(angle)[:, None] * self.tangents[0, group[0]] + np.sin(angle)[:, None] * self.tangents[1, group[0]]
+        )
         shifts = np.concatenate([np.zeros((1, 3)), *(r * scale * circle for r in RADII)])
         moves = np.repeat(shifts[:, None], len(group), axis=1)
         if len(group) > 1:
@@ -85,7 +87,7 @@ def search(space: NodeSpace, referee: Referee, state: NodeState, *, whole_quads:
             for quad in mesh.quads[folded & free[mesh.quads].all(axis=1)]:
                 board.improve(quad, float(sweep))
         for node in np.nonzero(near & free)[0]:
-            board.improve(node[None], float(sweep))
+            board.improve(np.array([node]), float(sweep))
         state = board.state(state)
     return state
 

@@ -40,7 +40,7 @@ def untangle(space: NodeSpace, energy: QuadEnergy, state: NodeState, reach: Floa
     """
     area = target_areas(energy, energy.shape(state).area)
     for sharpness in SHARPNESS:
-        state = _descend(space, energy, state, reach, area, sharpness)
+        state = _descend(space, energy, state, reach, area=area, sharpness=sharpness)
     return state
 
 
@@ -49,6 +49,7 @@ def _descend(
     energy: QuadEnergy,
     state: NodeState,
     reach: Float[np.ndarray, " n"],
+    *,
     area: Float[np.ndarray, " m"],
     sharpness: float,
 ) -> NodeState:
@@ -102,4 +103,3 @@ def _descend(
     step = np.zeros((len(reach), 2))
     step[ids] = found.x.reshape(2, n).T
     return space.moved(state, step)
-

@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from drl_meshgen.mesh import QuadMesh, TriMesh
 from drl_meshgen.smoothing.energy import Shape, beyond, shape_of
@@ -52,13 +53,13 @@ class Referee:
         self.pairs = np.ascontiguousarray(mesh.topology.edge_faces[mesh.topology.edge_count == 2].T)
 
     @cached_property
-    def _nearest(self) -> "object":
+    def _nearest(self) -> Any:
         import pyvista as pv  # heavy: loaded only where quads are in doubt
 
         return pv.PolyData.from_regular_faces(self.surface.vertices, self.surface.triangles)
 
     def shape(self, state: NodeState, *, exact: bool = False) -> Shape:
-        """Geometry of all quads, oriented by the surface triangle nearest to the centroid (where in doubt or `exact`)."""
+        """Geometry of all quads, oriented by the surface triangle nearest to the centroid (if in doubt or `exact`)."""
         corner_normals = state.normals.T[:, self.quads]
         up = corner_normals.sum(axis=1)
         shape = shape_of(self.quads, state.points, up)

@@ -41,22 +41,18 @@ class SurfaceWalker:
         along /= np.maximum(np.linalg.norm(along, axis=2, keepdims=True), np.finfo(float).tiny)
         return along, np.cross(self.surface.normals[:, None], along)
 
-    def locate(
-        self, triangle: Int[np.ndarray, " n"], points: Float[np.ndarray, "n 3"]
-    ) -> Float[np.ndarray, "n 3"]:
+    def locate(self, triangle: Int[np.ndarray, " n"], points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Barycentric coordinates of points in given triangles, clipped to the triangle."""
         relative = points - self.surface.corners[triangle].mean(axis=1)
         weights = np.einsum("nij,nj->ni", self._gradient[triangle], relative) + 1 / 3
         return normalised(weights)
 
-    def positions(
-        self, triangle: Int[np.ndarray, " n"], weights: Float[np.ndarray, "n 3"]
-    ) -> Float[np.ndarray, "n 3"]:
+    def positions(self, triangle: Int[np.ndarray, " n"], weights: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Points of (triangle, barycentric coordinates)."""
         return np.einsum("ni,nij->nj", weights, self.surface.corners[triangle])
 
     def normals(self, triangle: Int[np.ndarray, " n"], weights: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Unit normals interpolated from the vertices."""
+        """Interpolate unit normals from those of the vertices."""
         normal = np.einsum("ni,nij->nj", weights, self.surface.vertex_normals[self.surface.triangles[triangle]])
         length = np.linalg.norm(normal, axis=1, keepdims=True)
         flat = length < 1e-3  # opposite vertex normals cancel: fall back to the triangle's own
