@@ -220,6 +220,20 @@ def test_deviation_of_a_lifted_sheet_is_its_height():
     assert m["boundary_fit"] == pytest.approx(np.exp(-0.01))
 
 
+def test_triangles_beside_the_quads_close_the_mixed_mesh():
+    b, surface = hemisphere_ogrid(6, 4), hemisphere(12)
+    split = b.mesh.quads[20]
+    triangles = split[[[0, 1, 2], [0, 2, 3]]]
+    mixed = QuadMesh(b.points, np.delete(b.mesh.quads, 20, axis=0))
+    whole, m = measure(b.mesh, surface), measure(mixed, surface, triangles=triangles)
+    assert m.defects == ("2 faces are triangles",)
+    for name in ("euler", "loops", "components", "nodes", "boundary_deviation", "boundary_mse"):
+        assert m.metrics[name] == pytest.approx(whole.metrics[name]), name
+    assert m.metrics["irregular"] == whole.metrics["irregular"] + 2
+    assert m.metrics["non_quads"] == pytest.approx(2 / (len(mixed.quads) + 2))
+    assert np.isnan(m.metrics["blocks"])
+
+
 def test_gate_names_each_failed_criterion():
     q = measure(hemisphere_ogrid().mesh)
     assert gate(q) == ()

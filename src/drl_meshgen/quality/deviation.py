@@ -99,7 +99,7 @@ def deviation(
     search: TriangleSearch | None = None,
     triangles: Int[np.ndarray, "t 3"] | None = None,
     *,
-    samples: int = 16000,
+    samples: int = 12000,
 ) -> Deviation:
     """Return Hausdorff and RMS distances between mesh and surface and between their boundaries.
 
