@@ -80,7 +80,7 @@ def assemble(layout: Layout, subdomains: Subdomains) -> Assembly:
 
 
 def _feet(sides: list[np.ndarray]) -> tuple[int, ...]:
-    """Columns of the dividing lines of a cell: where its sides begin, and the middle of sides that close on themselves."""
+    """Columns of the dividing lines of a cell: where its sides begin, and the middle of sides that are closed."""
     feet, start = [], 0
     for side in sides:
         feet.append(start)

@@ -20,7 +20,7 @@ class Annulus:
     is_cell: bool = False
 
     def flipped(self) -> "Annulus":
-        """The same ring seen from its other end; column 0 stays."""
+        """Return the same ring seen from its other end; column 0 stays."""
         n = self.ids.shape[1]
         ids = np.roll(self.ids[::-1, ::-1], 1, axis=1)
         return Annulus(ids, self.last, self.first, tuple((n - f) % n for f in self.feet), self.is_cell)

@@ -54,14 +54,12 @@ class Cell:
 
 
 def submesh(mesh: TriMesh, faces: Int[np.ndarray, " f"]) -> tuple[TriMesh, Int[np.ndarray, " v"]]:
-    """The triangles `faces` as a mesh of their own and the ids of its vertices."""
+    """Return the triangles `faces` as a mesh of their own and the ids of its vertices."""
     ids, local = np.unique(mesh.triangles[faces], return_inverse=True)
     return TriMesh(mesh.vertices[ids], local.reshape(-1, 3)), ids
 
 
-def ring_between(
-    mesh: TriMesh, origin: Int[np.ndarray, " v"], inner_vertices: Int[np.ndarray, " n"]
-) -> Ring | None:
+def ring_between(mesh: TriMesh, origin: Int[np.ndarray, " v"], inner_vertices: Int[np.ndarray, " n"]) -> Ring | None:
     """Chart a mesh that should be a ring whose first loop passes through `inner_vertices` (ids as in `origin`)."""
     topology = mesh.topology
     loops = topology.loops
@@ -75,9 +73,7 @@ def ring_between(
     return Ring(mesh, origin, inner, outer, ring_chart(mesh, inner, outer))
 
 
-def cells(
-    mesh: TriMesh, graph: Spine, loops: tuple[Int[np.ndarray, " n"], ...]
-) -> tuple[Cell, ...] | None:
+def cells(mesh: TriMesh, graph: Spine, loops: tuple[Int[np.ndarray, " n"], ...]) -> tuple[Cell, ...] | None:
     """One cell per loop, in the order of `loops` (vertex ids of `mesh`).
 
     None when the spine runs into a loop or leaves anything but rings.

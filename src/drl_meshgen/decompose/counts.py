@@ -14,6 +14,10 @@ from drl_meshgen.errors import StageError
 TANGENTS = np.array([0.15, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0, 1.15, 1.35, 1.6, 2.0, 2.8, 4.0])
 
 
+#: Most nodes of the branch-and-bound tree; the first few dozen decide, the rest is proof.
+NODE_LIMIT = 2000
+
+
 class CountOutcome(Enum):
     """Verdicts of the integer program."""
 
@@ -36,10 +40,11 @@ class CountProblem:
     even: tuple[int, ...]
 
 
-def solve_counts(problem: CountProblem) -> Int[np.ndarray, " n"]:
+def solve_counts(problem: CountProblem, *, integral: bool = True) -> Float[np.ndarray, " n"]:
     """Minimise `sum w (x / t + t / x - 2)`, which is `2 cosh(log(x / t)) - 2`, convex in x, by tangents.
 
-    Raises `StageError` when infeasible. HiGHS runs with a gap, not a time limit, so the result is reproducible.
+    Without `integral` the relaxation is solved, which is fast. HiGHS runs with a gap and a limit of nodes, not of time,
+    so the result is reproducible. Raises `StageError` when infeasible.
     """
     n, even = len(problem.target), problem.even
     size = 2 * n + len(even)  # counts, costs, halves
@@ -66,11 +71,11 @@ def solve_counts(problem: CountProblem) -> Int[np.ndarray, " n"]:
             r += 1
     result = milp(
         np.r_[np.zeros(n), problem.weight, np.zeros(len(even))],
-        integrality=np.r_[np.ones(n), np.zeros(n), np.ones(len(even))],
+        integrality=np.r_[np.ones(n), np.zeros(n), np.ones(len(even))] if integral else np.zeros(size),
         bounds=Bounds(np.r_[problem.least, np.zeros(n + len(even))], np.full(size, np.inf)),
         constraints=LinearConstraint(rows.tocsr(), low, high),
-        options={"mip_rel_gap": 0.01},
+        options={"mip_rel_gap": 0.02, "node_limit": NODE_LIMIT},
     )
     if result.x is None:
         raise StageError("decompose", CountOutcome.INFEASIBLE, result.message)
-    return np.round(result.x[:n]).astype(np.int64)
+    return np.round(result.x[:n]) if integral else result.x[:n]

@@ -14,7 +14,6 @@ from drl_meshgen.mesh import TriMesh
 from drl_meshgen.partition import Partition, RegionKind
 from drl_meshgen.partition.cutting import midpoint_refined
 
-
 #: A junction is refined once before it is opened, and again where its spine still runs into a loop.
 MOST_REFINEMENTS = 3
 
@@ -99,8 +98,10 @@ class Pieces:
 
 
 def pieces(partition: Partition, exponents: tuple[float, ...]) -> Pieces:
-    """Chart every region. Every junction is opened once for each of `exponents` (see `nearest_distance`); the
-    candidate whose worst cell is least distorted stays.
+    """Chart every region.
+
+    Every junction is opened once for each of `exponents` (see `nearest_distance`); the candidate whose worst cell is
+    least distorted stays.
 
     Raises `StageError` when a region does not have the shape that its kind promises.
     """
@@ -116,7 +117,10 @@ def pieces(partition: Partition, exponents: tuple[float, ...]) -> Pieces:
                 raise StageError("decompose", PieceOutcome.NOT_A_RING, f"region {r}")
             tubes.append(Tube((first, second), ring))
         else:
-            junctions.append(_junction(partition, mesh, ids, region.loops, exponents, r))
+            junction = _junction(partition, mesh, ids, region.loops, exponents)
+            if junction is None:
+                raise StageError("decompose", PieceOutcome.NO_RINGS, f"region {r} with {len(region.loops)} loops")
+            junctions.append(junction)
     return Pieces(tuple(junctions), tuple(tubes), tuple(caps))
 
 
@@ -129,8 +133,8 @@ def _cap(curve: int, mesh: TriMesh, ids: np.ndarray) -> Cap:
 
 
 def _junction(
-    partition: Partition, mesh: TriMesh, ids: np.ndarray, curves: tuple[int, ...], exponents: tuple[float, ...], r: int
-) -> Junction:
+    partition: Partition, mesh: TriMesh, ids: np.ndarray, curves: tuple[int, ...], exponents: tuple[float, ...]
+) -> Junction | None:
     on_curve = {c: set(partition.curves[c].vertices.tolist()) for c in curves}
     fine = mesh
     for _ in range(MOST_REFINEMENTS):
@@ -150,7 +154,7 @@ def _junction(
                 candidates.append(Junction(fine.vertices, graph, curves, placed))
         if candidates:
             return min(candidates, key=lambda junction: junction.distortion)
-    raise StageError("decompose", PieceOutcome.NO_RINGS, f"region {r} with {len(curves)} loops")
+    return None
 
 
 def _old(loop: np.ndarray, ids: np.ndarray) -> np.ndarray:

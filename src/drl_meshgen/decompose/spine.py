@@ -66,7 +66,8 @@ def nearest_distance(
     return distance
 
 
-def loop_length(mesh: TriMesh, loop: np.ndarray) -> float:
+def loop_length(mesh: TriMesh, loop: Int[np.ndarray, " n"]) -> float:
+    """Length of a closed curve of vertices (model units)."""
     p = mesh.vertices[loop]
     return float(np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1).sum())
 

@@ -1,13 +1,13 @@
 """The decomposition stage: pieces with charts, node counts and rows for a wanted number of quads."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
-from drl_meshgen.decompose.cells import Ring
 from drl_meshgen.decompose.counts import CountProblem, solve_counts
-from drl_meshgen.decompose.pieces import Pieces, pieces
+from drl_meshgen.decompose.pieces import Cap, Pieces, pieces
 from drl_meshgen.partition import Partition
 
 
@@ -21,6 +21,8 @@ class DecomposeOptions:
     """Wanted edge length (model units); 0 derives it from `target_quads`."""
     exponents: tuple[float, ...] = (0.0, 1.0)
     """Powers of a loop's length that its distance is divided by, one candidate spine each (see `nearest_distance`)."""
+    spine_weight: float = 1.0
+    """How much the spacing along spine edges counts against that around limbs (ratio)."""
     least_columns: int = 2
     """Fewest quads along a spine edge (count)."""
     least_rows: int = 2
@@ -48,19 +50,23 @@ def decompose(partition: Partition, options: DecomposeOptions | None = None) -> 
 
 
 def with_counts(partition: Partition, parts: Pieces, options: DecomposeOptions) -> Layout:
-    """Find counts for `parts`: the spacing is corrected until the predicted number of quads is as wanted."""
-    area = partition.surface.mesh.area
-    spacing = options.target_edge or float(np.sqrt(area / options.target_quads))
-    layout = _counted(partition, parts, options, spacing)
+    """Find counts for `parts`.
+
+    Without `target_edge` the spacing is corrected until the relaxed counts give the wanted number of quads, then the
+    integer program is solved, and once more where rounding took it off by more than 3 %.
+    """
+    sizing = _Sizing(partition, parts, options)
     if options.target_edge:
-        return layout
-    for _ in range(3):
-        predicted = predicted_quads(layout)
-        if abs(predicted / options.target_quads - 1) < 0.03:
+        return sizing.layout(options.target_edge)
+    spacing = float(np.sqrt(partition.surface.mesh.area / options.target_quads))
+    for _ in range(6):
+        ratio = sizing.quads(solve_counts(sizing.problem(spacing), integral=False), spacing) / options.target_quads
+        spacing *= float(np.sqrt(ratio))
+        if abs(ratio - 1) < 0.01:
             break
-        spacing *= float(np.sqrt(predicted / options.target_quads))
-        layout = _counted(partition, parts, options, spacing)
-    return layout
+    layout = sizing.layout(spacing)
+    ratio = predicted_quads(layout) / options.target_quads
+    return layout if abs(ratio - 1) <= 0.03 else sizing.layout(spacing * float(np.sqrt(ratio)))
 
 
 def predicted_quads(layout: Layout) -> float:
@@ -70,58 +76,80 @@ def predicted_quads(layout: Layout) -> float:
         total += float((layout.curve_counts[list(junction.curves)] * rows).sum())
     for tube, rows in zip(layout.pieces.tubes, layout.tube_rows, strict=True):
         total += float(layout.curve_counts[tube.curves[0]] * rows)
-    for cap in layout.pieces.caps:
-        length = np.linalg.norm(np.diff(cap.mesh.vertices[np.r_[cap.loop, cap.loop[0]]], axis=0), axis=1).sum()
-        total += cap.mesh.area * (layout.curve_counts[cap.curve] / length) ** 2
-    return total
+    return total + sum(_cap_quads(cap, float(layout.curve_counts[cap.curve])) for cap in layout.pieces.caps)
 
 
-def _counted(partition: Partition, parts: Pieces, options: DecomposeOptions, spacing: float) -> Layout:
-    lengths = [junction.lengths for junction in parts.junctions]
-    start = np.cumsum([0, *(len(x) for x in lengths)])
-    n_edges, n_curves = int(start[-1]), len(partition.curves)
-    girth, weight = _girths(partition, parts)
-    target = np.maximum(np.r_[np.concatenate([*lengths, np.empty(0)]), girth] / spacing, 0.5)
-    least = np.r_[np.full(n_edges, options.least_columns), np.full(n_curves, 4)]
-    sums = []
-    for j, junction in enumerate(parts.junctions):
-        for curve, cell in zip(junction.curves, junction.cells, strict=True):
-            sums.append((n_edges + curve, tuple(int(start[j]) + e for e, _ in cell.sides)))
-    for cap in parts.caps:
-        least[n_edges + cap.curve] = options.least_cap
-    problem = CountProblem(
-        target,
-        np.r_[target[:n_edges], weight / spacing],
-        least,
-        tuple(sums),
-        tuple((n_edges + a, n_edges + b) for a, b in (tube.curves for tube in parts.tubes)),
-        tuple(n_edges + cap.curve for cap in parts.caps),
-    )
-    counts = solve_counts(problem)
-    around = counts[n_edges:]
+def _cap_quads(cap: Cap, n: float) -> float:
+    length = np.linalg.norm(np.diff(cap.mesh.vertices[np.r_[cap.loop, cap.loop[0]]], axis=0), axis=1).sum()
+    return float(cap.mesh.area * (n / length) ** 2)
 
-    def rows(n: int, ring: Ring, least_rows: int) -> int:
-        """Rows of square cells, meeting those of the wanted spacing half way (geometric mean)."""
-        square = n * ring.chart.modulus
-        height = np.sqrt(ring.mesh.area * ring.chart.modulus)
-        return max(least_rows, round(float(np.sqrt(square * height / spacing))))
 
-    return Layout(
-        parts,
-        tuple(counts[start[j] : start[j + 1]] for j in range(len(parts.junctions))),
-        around,
-        tuple(
-            np.array(
-                [
-                    rows(around[c], cell.ring, options.least_rows)
-                    for c, cell in zip(junction.curves, junction.cells, strict=True)
-                ]
-            )
+class _Sizing:
+    """Targets of the count program and what follows from its solution.
+
+    Counts are those of the spine edges, junction by junction, then those of the curves.
+    """
+
+    def __init__(self, partition: Partition, parts: Pieces, options: DecomposeOptions) -> None:
+        self.parts, self.options = parts, options
+        lengths = [junction.lengths for junction in parts.junctions]
+        self.start = np.cumsum([0, *(len(x) for x in lengths)])
+        self.n_edges, n_curves = int(self.start[-1]), len(partition.curves)
+        girth, weight = _girths(partition, parts)
+        self.length = np.r_[np.concatenate([*lengths, np.empty(0)]), girth]
+        self.weight = np.r_[options.spine_weight * self.length[: self.n_edges], weight]
+        self.least = np.r_[np.full(self.n_edges, options.least_columns), np.full(n_curves, 4)]
+        for cap in parts.caps:
+            self.least[self.n_edges + cap.curve] = options.least_cap
+        self.sums = tuple(
+            (self.n_edges + curve, tuple(int(self.start[j]) + e for e, _ in cell.sides))
+            for j, junction in enumerate(parts.junctions)
+            for curve, cell in zip(junction.curves, junction.cells, strict=True)
+        )
+        cells = [
+            (c, cell.ring)
             for junction in parts.junctions
-        ),
-        np.array([rows(around[t.curves[0]], t.ring, 1) for t in parts.tubes], np.int64),
-        spacing,
-    )
+            for c, cell in zip(junction.curves, junction.cells, strict=True)
+        ]
+        rings = [*cells, *((tube.curves[0], tube.ring) for tube in parts.tubes)]
+        self.ring_curve = np.array([c for c, _ in rings], np.int64)
+        self.modulus = np.array([ring.chart.modulus for _, ring in rings])
+        self.height = np.sqrt([ring.mesh.area for _, ring in rings] * self.modulus)
+        self.least_rows = np.r_[np.full(len(cells), options.least_rows), np.ones(len(parts.tubes), np.int64)]
+
+    def problem(self, spacing: float) -> CountProblem:
+        n = self.n_edges
+        return CountProblem(
+            np.maximum(self.length / spacing, 0.5),
+            self.weight / spacing,
+            self.least,
+            self.sums,
+            tuple((n + a, n + b) for a, b in (tube.curves for tube in self.parts.tubes)),
+            tuple(n + cap.curve for cap in self.parts.caps),
+        )
+
+    def rows(self, counts: np.ndarray, spacing: float) -> Float[np.ndarray, " r"]:
+        """Rows of each ring: between those of square cells and those of the wanted spacing (geometric mean)."""
+        square = counts[self.n_edges + self.ring_curve] * self.modulus
+        return np.maximum(self.least_rows, np.sqrt(square * self.height / spacing))
+
+    def quads(self, counts: np.ndarray, spacing: float) -> float:
+        around = counts[self.n_edges :]
+        caps = sum(_cap_quads(cap, float(around[cap.curve])) for cap in self.parts.caps)
+        return float((around[self.ring_curve] * self.rows(counts, spacing)).sum()) + caps
+
+    def layout(self, spacing: float) -> Layout:
+        counts = solve_counts(self.problem(spacing)).astype(np.int64)
+        rows = np.round(self.rows(counts, spacing)).astype(np.int64)
+        split = np.cumsum([0, *(len(junction.cells) for junction in self.parts.junctions)])
+        return Layout(
+            self.parts,
+            tuple(counts[a:b] for a, b in pairwise(self.start)),
+            counts[self.n_edges :],
+            tuple(rows[a:b] for a, b in pairwise(split)),
+            rows[split[-1] :],
+            spacing,
+        )
 
 
 def _girths(partition: Partition, parts: Pieces) -> tuple[np.ndarray, np.ndarray]:

@@ -105,7 +105,7 @@ def _jump(mesh: TriMesh, first: np.ndarray, second: np.ndarray) -> Float[np.ndar
     path = [int(second[np.argmin(hops[second])])]
     while before[path[-1]] >= 0:
         path.append(int(before[path[-1]]))
-    path = path[::-1]
+    path.reverse()
     steps = np.sort(np.c_[path[:-1], path[1:]], axis=1)
     flags = np.zeros(len(edges), bool)
     flags[np.searchsorted(edges[:, 0] * n + edges[:, 1], steps[:, 0] * n + steps[:, 1])] = True

@@ -27,7 +27,7 @@ class CutSurface:
 
     @staticmethod
     def whole(surface: TriMesh, depth: Float[np.ndarray, " v"]) -> "CutSurface":
-        """The surface before the first cut."""
+        """Return the surface before the first cut."""
         return CutSurface(surface, depth, np.arange(len(surface.triangles)), np.full(len(surface.vertices), -1))
 
 

@@ -107,7 +107,9 @@ def _merges(edges: np.ndarray, depth: np.ndarray, basin: np.ndarray) -> pd.DataF
         parent[dies] = survives
         rows.append((saddle, depth[saddle], dies, survives, depth[dies] - depth[saddle]))
     frame = pd.DataFrame(rows, columns=["saddle", "value", "dies", "survives", "persistence"])
-    return frame.astype({"saddle": np.int64, "dies": np.int64, "survives": np.int64, "value": float, "persistence": float})
+    return frame.astype(
+        {"saddle": np.int64, "dies": np.int64, "survives": np.int64, "value": float, "persistence": float}
+    )
 
 
 def _absorbed(basin: np.ndarray, merges: pd.DataFrame) -> np.ndarray:
@@ -137,7 +139,9 @@ def _arcs(merges: pd.DataFrame, depth: np.ndarray, top: int, min_arc: float) -> 
             if upper >= 0 and high - saddle < min_arc:
                 # too short to be an arc of its own: its junction and the new one become one
                 if junction >= 0:
-                    arcs = [Arc(a.tips, a.low, a.high, a.upper, junction if a.lower == upper else a.lower) for a in arcs]
+                    arcs = [
+                        Arc(a.tips, a.low, a.high, a.upper, junction if a.lower == upper else a.lower) for a in arcs
+                    ]
                 else:
                     junction = upper
             else:

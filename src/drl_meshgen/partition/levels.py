@@ -79,9 +79,7 @@ def choose_levels(
             length = float(arc_lengths(surface, depth, faces, np.array([value]))[0])
             return Level(index, value, arc.tips[0], length, reason)
 
-        def near_saddle(
-            saddle: float, direction: float, *, arc: Arc = arc, faces: np.ndarray = faces
-        ) -> float:
+        def near_saddle(saddle: float, direction: float, *, arc: Arc = arc, faces: np.ndarray = faces) -> float:
             gap = arc.high - arc.low
             first = min(options.saddle_clearance, gap / 3)
             last = max(first, min(options.saddle_reach, gap / 2))

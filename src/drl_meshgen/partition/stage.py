@@ -152,8 +152,8 @@ def _curves(surface: CutSurface, levels: tuple[Level, ...]) -> tuple[Curve, ...]
     c = surface.contour
     curves = []
     for n, level in enumerate(levels):
-        curves += [Curve(v, False, level.value) for v in trace(edges[(c[edges] == n).all(1)])]
-    return (*curves, *(Curve(loop, True, 0.0) for loop in surface.mesh.topology.loops))
+        curves += [Curve(v, is_boundary=False, level=level.value) for v in trace(edges[(c[edges] == n).all(1)])]
+    return (*curves, *(Curve(loop, is_boundary=True, level=0.0) for loop in surface.mesh.topology.loops))
 
 
 def _regions(surface: CutSurface, curves: tuple[Curve, ...]) -> tuple[np.ndarray, tuple[Region, ...]]:
