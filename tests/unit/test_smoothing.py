@@ -8,8 +8,12 @@ from drl_meshgen.errors import InputError
 from drl_meshgen.mesh import QuadMesh, TriMesh
 from drl_meshgen.smoothing import SmoothingOptions, SmoothingOutcome, optimise
 from drl_meshgen.smoothing.energy import QuadEnergy, shape_of
+from drl_meshgen.smoothing.newton import minimise
 from drl_meshgen.smoothing.nodes import NodeSpace
+from drl_meshgen.smoothing.patches import reach_of, repair
 from drl_meshgen.smoothing.relax import targets
+from drl_meshgen.smoothing.search import search
+from drl_meshgen.smoothing.untangle import untangle
 from drl_meshgen.smoothing.verdict import Referee
 
 
@@ -81,6 +85,10 @@ def exact(surface, mesh, points, triangle):
     options = SmoothingOptions()
     space = NodeSpace(surface, QuadMesh(points, mesh.quads))
     return Referee(surface, mesh, options).figures(space.start(triangle), exact=True)
+
+
+def optimised_state(space, energy, state):
+    return minimise(space, energy, state, reach_of(space.mesh, state.points, 0.5), steps=10)
 
 
 @pytest.fixture(scope="module")
@@ -186,6 +194,44 @@ def test_angles_count_reflex_corners(corner, angle):
     assert degrees.sum() == pytest.approx(360)
     if angle is not None:
         assert (degrees[2] > 180) == (angle > 180)
+
+
+@pytest.mark.parametrize("whole_quads", [False, True])
+def test_search_unfolds_without_derivatives(whole_quads):
+    surface, mesh, triangle = problem()
+    space, referee = NodeSpace(surface, mesh), Referee(surface, mesh, SmoothingOptions())
+    state = space.start(triangle)
+    step = np.zeros((len(mesh.points), 2))
+    step[40] = 0.2, 0.15
+    folded = space.moved(state, step)
+    assert referee.figures(folded, exact=True).invalid > 0
+    found = search(space, referee, folded, whole_quads=whole_quads)
+    assert referee.figures(found, exact=True).invalid == 0
+
+
+def test_untangling_alone_unfolds():
+    surface, mesh, triangle = problem(noise=0.06)
+    space, energy = NodeSpace(surface, mesh), QuadEnergy(mesh, SmoothingOptions())
+    state = space.start(triangle)
+    assert not energy.shape(state).valid.all()
+    found = untangle(space, energy, state, reach_of(mesh, state.points, 1.0))
+    assert energy.shape(found).valid.all()
+
+
+def test_repair_changes_nothing_far_from_bad_quads():
+    surface, mesh, triangle = problem()
+    options = SmoothingOptions(repair_angles=(60.0, 120.5))
+    space, energy = NodeSpace(surface, mesh), QuadEnergy(mesh, options)
+    referee = Referee(surface, mesh, options)
+    state = optimised_state(space, energy, space.start(triangle))
+    step = np.zeros((len(mesh.points), 2))
+    step[40] = 0.05, 0.03
+    disturbed = space.moved(state, step)
+    assert referee.bad(disturbed).any()
+    mended = repair(space, energy, referee, disturbed, rings=2)
+    far = np.linalg.norm(state.points - state.points[40], axis=1) > 0.8
+    assert np.array_equal(mended.points[far], disturbed.points[far])
+    assert referee.penalties(mended).sum() < referee.penalties(disturbed).sum()
 
 
 def test_more_loops_than_the_surface_has_are_refused():

@@ -33,10 +33,10 @@ class _Record:
         self.rows.append({"stage": stage, "cost": cost, "damping": damping, **vars(found)})
         return found
 
-    def restart(self, stage: str, state: NodeState) -> None:
-        """Record a state that is to be the best so far, whatever was before."""
+    def restart(self, stage: str, state: NodeState) -> Figures:
+        """Record a state that is to be the best so far; from now on orientation is judged exactly."""
         self.score, self.exact = np.inf, True
-        self.judge(stage, state)
+        return self.judge(stage, state)
 
     def observer(self, stage: str) -> Observer:
         """Return what to call after every step of a stage."""
@@ -87,7 +87,7 @@ def optimise(
         state = record.state
         if final.invalid:
             state = search_all(space, referee, (state, unfinished))
-            record.restart("search", state)
+            final = record.restart("search", state)
         mended = repair(space, energy, referee, state, options.repair_rings + k)
         if mended is state:
             break
