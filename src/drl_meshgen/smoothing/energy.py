@@ -200,12 +200,15 @@ class QuadEnergy:
         rows[7] = np.log(np.maximum(shape.area, AREA_FLOOR * np.abs(shape.area).mean() + TINY))
         return Residuals(shape, rows, rows[7, self.pairs[0]] - rows[7, self.pairs[1]])
 
-    def _violations(self, r: Residuals) -> tuple[Float[np.ndarray, "4 m"], Float[np.ndarray, "2 m"], np.ndarray]:
-        """Signed amounts by which angles, dihedral angles and area jumps exceed the wanted limits."""
+    def _violations(self, r: Residuals) -> tuple[Float[np.ndarray, "7 m"], Float[np.ndarray, " e"]]:
+        """Signed amounts by which angles (4), aspect (1), dihedral angles (2) and area jumps exceed the limits."""
         o = self.options
         low, high = np.radians(o.wanted_angles)
-        angle = np.minimum(r.shape.angle - low, 0) + np.maximum(r.shape.angle - high, 0)
-        return angle, beyond(r.rows[5:7], np.radians(o.wanted_warp)), beyond(r.jump, np.log(o.wanted_area_ratio))
+        over = np.empty((7, r.rows.shape[1]))
+        over[:4] = np.minimum(r.shape.angle - low, 0) + np.maximum(r.shape.angle - high, 0)
+        over[4] = beyond(r.rows[4], np.log(o.wanted_aspect))
+        over[5:] = beyond(r.rows[5:7], np.radians(o.wanted_warp))
+        return over, beyond(r.jump, np.log(o.wanted_area_ratio))
 
     def quad_costs(self, r: Residuals) -> Float[np.ndarray, " m"]:
         """Weighted sum of squares of each quad, hinge penalties included; edges count half for each side."""
@@ -215,8 +218,8 @@ class QuadEnergy:
         total += o.warp_weight**2 * (rows[5:7] ** 2).sum(axis=0)
         jumps = o.area_weight**2 * r.jump**2
         if self.hinge:
-            angle, warp, jump = self._violations(r)
-            total += self.hinge**2 * ((angle**2).sum(axis=0) + (warp**2).sum(axis=0))
+            over, jump = self._violations(r)
+            total += self.hinge**2 * (over**2).sum(axis=0)
             jumps += self.hinge**2 * jump**2
         return total + np.bincount(self.pairs.ravel(), np.tile(0.5 * jumps, 2), minlength=len(total))
 
@@ -306,13 +309,11 @@ class QuadEnergy:
         forces = row_weight.reshape(ROWS, m) * r.rows
         pull_apart = pair_weight * r.jump
         if self.hinge:
-            angle, warp, jump = self._violations(r)
+            over, jump = self._violations(r)
             w = self.hinge**2
-            forces[:4] += w * angle
-            forces[5:7] += w * warp
+            forces[:7] += w * over
             pull_apart += w * jump
-            row_weight[: 4 * m] += w * (angle != 0).ravel()
-            row_weight[5 * m : 7 * m] += w * (warp != 0).ravel()
+            row_weight[: 7 * m] += w * (over != 0).ravel()
             pair_weight += w * (jump != 0)
         forces[7] = difference_transposed @ pull_apart
         jacobian = csr_array((entries, columns, starts), (ROWS * m, 2 * self.n_nodes))

@@ -24,12 +24,14 @@ class SmoothingOptions:
     """Weight of the log ratio of the areas of edge-adjacent quads, relative to a corner angle in radians."""
     aspect_weight: float = 0.2
     """Weight of the log ratio of the two mean side lengths of a quad, relative to a corner angle in radians."""
-    warp_weight: float = 0.1
+    warp_weight: float = 0.2
     """Weight of the dihedral angle at each diagonal of a quad, relative to a corner angle in radians."""
     wanted_angles: tuple[float, float] = (55.0, 120.0)
     """Corner angles outside these limits (degrees) are penalised on top, with the hinge weights."""
     wanted_area_ratio: float = 1.7
     """Area ratios of edge-adjacent quads above this are penalised on top."""
+    wanted_aspect: float = 4.0
+    """Ratios of the mean side lengths of a quad above this are penalised on top."""
     wanted_warp: float = 30.0
     """Dihedral angles at diagonals above this (degrees) are penalised on top."""
     hinge_weights: tuple[float, ...] = (0.0, 3.0, 15.0)
