@@ -10,7 +10,7 @@ from tests.chains import tube
 
 def annulus_chart(around, outer=2.0):
     """Flat annulus between radii 1 and `outer`: its conformal coordinates are log r / log(outer) and the angle."""
-    rows = round(np.log(outer) / (np.sqrt(3) * np.pi / around))
+    rows = around // 8
     mesh = tube(around, rows, np.linspace(outer, 1, rows + 1), np.zeros(rows + 1))
     chart = ring_chart(mesh, np.arange(around), rows * around + np.arange(around))
     radius = np.linalg.norm(mesh.vertices, axis=1)
@@ -22,7 +22,7 @@ def rate(errors):
 
 
 def test_modulus_of_a_planar_annulus_converges_with_second_order():
-    errors = [abs(annulus_chart(n)[1].modulus - np.log(2) / (2 * np.pi)) for n in (16, 32, 64)]
+    errors = [abs(annulus_chart(n)[1].modulus - np.log(2) / (2 * np.pi)) for n in (32, 64, 128)]
     assert rate(errors) > 1.8, errors
 
 

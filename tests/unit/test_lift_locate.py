@@ -31,7 +31,7 @@ def test_points_of_ring_charts_come_back_whatever_turn_they_are_on(turns):
         triangle, weights = scattered(ring.mesh, k)
         h_corner = ring.chart.h[ring.mesh.triangles]
         corners = np.stack([ring.chart.theta_corner, h_corner], axis=-1)
-        wanted = np.einsum("qk,qkd->qd", weights, corners[triangle]) + [turns, 0]
+        wanted = np.einsum("qk,qkd->qd", weights, corners[triangle]) + np.array([turns, 0])
         found, bary = locate_in_ring(ring.chart.theta_corner, h_corner, wanted)
         before = np.einsum("qk,qkd->qd", weights, ring.mesh.corners[triangle])
         after = np.einsum("qk,qkd->qd", bary, ring.mesh.corners[found])
