@@ -1,11 +1,12 @@
 """The subdomain stage: nodes of every ring and cap in its own chart."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from drl_meshgen.assembly.align import Alignment, align
 from drl_meshgen.decompose import Cap, Layout
@@ -89,7 +90,7 @@ def _ruled(inner: np.ndarray, outer: np.ndarray, rows: int) -> Float[np.ndarray,
 
 def _cap_fill(
     cap: Cap, curve: Curve, partition: Partition, positions: Float[np.ndarray, " n"], policy: Policy
-) -> tuple[CapFill, dict[str, object]]:
+) -> tuple[CapFill, dict[str, Any]]:
     at, length = curve.arc_length(partition.surface.mesh.vertices)
     place = {int(v): float(s) for v, s in zip(curve.vertices, at, strict=True)}
     start, second = (place[int(v)] for v in cap.origin[cap.loop[:2]])
@@ -111,5 +112,5 @@ def _size(cap: Cap, spacing: float) -> Size:
     n = len(cap.plane)
     total = np.bincount(edges[:, 0], ratio, n) + np.bincount(edges[:, 1], ratio, n)
     stretch = spacing * total / np.maximum(cap.mesh.topology.valence, 1)
-    tree = cKDTree(cap.plane)
+    tree = KDTree(cap.plane)
     return lambda points: stretch[tree.query(points)[1]]

@@ -6,7 +6,7 @@ from enum import Enum
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.optimize import Bounds, LinearConstraint, milp
-from scipy.sparse import lil_matrix
+from scipy.sparse import coo_matrix, lil_matrix
 
 from drl_meshgen.errors import StageError
 
@@ -46,11 +46,25 @@ def solve_counts(problem: CountProblem, *, integral: bool = True) -> Float[np.nd
     Without `integral` the relaxation is solved, which is fast. HiGHS runs with a gap and a limit of nodes, not of time,
     so the result is reproducible. Raises `StageError` when infeasible.
     """
-    n, even = len(problem.target), problem.even
-    size = 2 * n + len(even)  # counts, costs, halves
-    rows = lil_matrix((len(problem.sums) + len(problem.equal) + len(even) + n * len(TANGENTS), size))
-    low = np.zeros(rows.shape[0])
-    high = np.zeros(rows.shape[0])
+    n, n_even = len(problem.target), len(problem.even)
+    size = 2 * n + n_even  # counts, costs, halves of even counts
+    whole = np.r_[np.ones(n), np.zeros(n), np.ones(n_even)]
+    result = milp(
+        np.r_[np.zeros(n), problem.weight, np.zeros(n_even)],
+        integrality=whole if integral else np.zeros(size),
+        bounds=Bounds(np.r_[problem.least, np.zeros(n + n_even)], np.full(size, np.inf)),  # pyright: ignore[reportArgumentType]
+        constraints=[_equations(problem, size), _tangents(problem, size)],
+        options={"mip_rel_gap": 0.02, "node_limit": NODE_LIMIT},
+    )
+    if result.x is None:
+        raise StageError("decompose", CountOutcome.INFEASIBLE, result.message)
+    return np.round(result.x[:n]) if integral else result.x[:n]
+
+
+def _equations(problem: CountProblem, size: int) -> LinearConstraint:
+    """Return the sums, equal pairs and even counts."""
+    n = len(problem.target)
+    rows = lil_matrix((len(problem.sums) + len(problem.equal) + len(problem.even), size))
     r = 0
     for total, parts in problem.sums:
         rows[r, total] -= 1
@@ -60,22 +74,20 @@ def solve_counts(problem: CountProblem, *, integral: bool = True) -> Float[np.nd
     for a, b in problem.equal:
         rows[r, a], rows[r, b] = 1, -1
         r += 1
-    for k, a in enumerate(even):
+    for k, a in enumerate(problem.even):
         rows[r, a], rows[r, 2 * n + k] = 1, -2
         r += 1
-    for k, t in enumerate(problem.target):
-        for m in TANGENTS:
-            slope = (1 - 1 / m**2) / t
-            rows[r, n + k], rows[r, k] = 1, -slope
-            low[r], high[r] = (m + 1 / m - 2) - slope * m * t, np.inf
-            r += 1
-    result = milp(
-        np.r_[np.zeros(n), problem.weight, np.zeros(len(even))],
-        integrality=np.r_[np.ones(n), np.zeros(n), np.ones(len(even))] if integral else np.zeros(size),
-        bounds=Bounds(np.r_[problem.least, np.zeros(n + len(even))], np.full(size, np.inf)),
-        constraints=LinearConstraint(rows.tocsr(), low, high),
-        options={"mip_rel_gap": 0.02, "node_limit": NODE_LIMIT},
-    )
-    if result.x is None:
-        raise StageError("decompose", CountOutcome.INFEASIBLE, result.message)
-    return np.round(result.x[:n]) if integral else result.x[:n]
+    return LinearConstraint(rows.tocsr(), 0, 0)
+
+
+def _tangents(problem: CountProblem, size: int) -> LinearConstraint:
+    """Keep the cost above every tangent of `m + 1 / m - 2` at `m = x / t`."""
+    n, k = len(problem.target), len(TANGENTS)
+    count = np.repeat(np.arange(n), k)
+    slope = np.tile(1 - 1 / TANGENTS**2, n) / problem.target[count]
+    at = np.tile(TANGENTS, n)
+    row = np.arange(n * k)
+    values = np.r_[np.ones(n * k), -slope]
+    matrix = coo_matrix((values, (np.r_[row, row], np.r_[n + count, count])), (n * k, size))
+    low = at + 1 / at - 2 - slope * at * problem.target[count]
+    return LinearConstraint(matrix.tocsr(), low, np.inf)  # pyright: ignore[reportArgumentType]

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.sparse import coo_matrix, csc_matrix
+from scipy.sparse import coo_matrix, csc_array, csc_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import SuperLU, splu
 
@@ -62,12 +62,12 @@ def factorised(matrix: csc_matrix) -> SuperLU:
 
 def dirichlet(matrix: csc_matrix, known: Int[np.ndarray, " k"], values: Float[np.ndarray, "k c"]) -> np.ndarray:
     """Harmonic extension `(v, c)` of `values` at vertices `known`."""
-    n = matrix.shape[0]
+    n = len(matrix.indptr) - 1
     free = np.setdiff1d(np.arange(n), known)
     out = np.empty((n, values.shape[1]))
     out[known] = values
     if len(free):
-        block = matrix[free]
+        block = csc_array(matrix)[free]
         out[free] = factorised(block[:, free].tocsc()).solve(-(block[:, known] @ values))
     return out
 

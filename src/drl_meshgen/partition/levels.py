@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from drl_meshgen.mesh import TriMesh
 from drl_meshgen.partition.join_tree import Arc, JoinTree
@@ -66,51 +66,64 @@ def arc_lengths(
     return out
 
 
+@dataclass(frozen=True, eq=False)
+class _ArcContours:
+    """Isocontours within one arc of the join tree."""
+
+    index: int
+    arc: Arc
+    surface: TriMesh
+    depth: Float[np.ndarray, " v"]
+    faces: Bool[np.ndarray, " f"]
+
+    def level(self, value: float, reason: str) -> Level:
+        length = float(arc_lengths(self.surface, self.depth, self.faces, np.array([value]))[0])
+        return Level(self.index, value, self.arc.tips[0], length, reason)
+
+    def near_saddle(self, saddle: float, direction: float, options: PartitionOptions) -> float:
+        """Level nearest the saddle whose contour is within 10 % of the shortest one in reach."""
+        gap = self.arc.high - self.arc.low
+        first = min(options.saddle_clearance, gap / 3)
+        last = max(first, min(options.saddle_reach, gap / 2))
+        values = saddle + direction * np.linspace(first, last, 9)
+        lengths = arc_lengths(self.surface, self.depth, self.faces, values)
+        return float(values[np.argmax(lengths <= 1.1 * lengths.min())])
+
+
 def choose_levels(
     surface: TriMesh, depth: Float[np.ndarray, " v"], tree: JoinTree, options: PartitionOptions
 ) -> tuple[Level, ...]:
     """Choose the isovalues: each strictly inside its own arc, the shortest contour near a junction preferred."""
-    levels: list[Level] = []
     boundary = max((_loop_length(surface, loop) for loop in surface.topology.loops), default=0.0)
+    # with several loops at depth 0 a contour around one of them says nothing about a bottleneck
+    rim = boundary if len(surface.topology.loops) == 1 else 0.0
+    levels: list[Level] = []
     for index, arc in enumerate(tree.arcs):
-        faces = np.isin(tree.basin[surface.triangles], arc.tips).any(1)
-
-        def level(value: float, reason: str, *, index: int = index, arc: Arc = arc, faces: np.ndarray = faces) -> Level:
-            length = float(arc_lengths(surface, depth, faces, np.array([value]))[0])
-            return Level(index, value, arc.tips[0], length, reason)
-
-        def near_saddle(saddle: float, direction: float, *, arc: Arc = arc, faces: np.ndarray = faces) -> float:
-            gap = arc.high - arc.low
-            first = min(options.saddle_clearance, gap / 3)
-            last = max(first, min(options.saddle_reach, gap / 2))
-            values = saddle + direction * np.linspace(first, last, 9)
-            lengths = arc_lengths(surface, depth, faces, values)
-            return float(values[np.argmax(lengths <= 1.1 * lengths.min())])
-
-        if arc.is_tip and arc.upper < 0:
-            cap = max(arc.high - options.cap_depth, (arc.high + arc.low) / 2)
-            if arc.lower < 0:
-                if arc.high - arc.low > options.cap_depth + 1:
-                    levels.append(level(cap, "cap"))
-                continue
-            root = near_saddle(arc.low, 1.0)
-            if cap - root >= options.min_tube:
-                levels += [level(root, "limb"), level(cap, "cap")]
-            else:
-                levels.append(level(root, "limb and cap"))
-        elif arc.lower < 0:
-            if arc.high - arc.low < options.min_tube:
-                continue
-            below = level(near_saddle(arc.high, -1.0), "bottleneck")
-            if below.length <= options.bottleneck * boundary and len(surface.topology.loops) == 1:
-                levels.append(below)
-        else:
-            upper, lower = near_saddle(arc.high, -1.0), near_saddle(arc.low, 1.0)
-            if upper - lower >= options.min_tube:
-                levels += [level(lower, "limb"), level(upper, "limb")]
-            else:
-                levels.append(level((upper + lower) / 2, "between junctions"))
+        faces = np.asarray(np.isin(tree.basin[surface.triangles], arc.tips).any(axis=1))
+        levels += _levels_of(_ArcContours(index, arc, surface, depth, faces), rim, options)
     return tuple(levels)
+
+
+def _levels_of(at: _ArcContours, rim: float, options: PartitionOptions) -> list[Level]:
+    """Levels of one arc; `rim` is the length of the boundary (model units)."""
+    arc, gap = at.arc, at.arc.high - at.arc.low
+    if arc.upper < 0:  # ends in a tip
+        cap = max(arc.high - options.cap_depth, (arc.high + arc.low) / 2)
+        if arc.lower < 0:
+            return [at.level(cap, "cap")] if gap > options.cap_depth + 1 else []
+        root = at.near_saddle(arc.low, 1.0, options)
+        if cap - root >= options.min_tube:
+            return [at.level(root, "limb"), at.level(cap, "cap")]
+        return [at.level(root, "limb and cap")]
+    if arc.lower < 0:  # reaches the boundary
+        if gap < options.min_tube:
+            return []
+        below = at.level(at.near_saddle(arc.high, -1.0, options), "bottleneck")
+        return [below] if below.length <= options.bottleneck * rim else []
+    upper, lower = at.near_saddle(arc.high, -1.0, options), at.near_saddle(arc.low, 1.0, options)
+    if upper - lower >= options.min_tube:
+        return [at.level(lower, "limb"), at.level(upper, "limb")]
+    return [at.level((upper + lower) / 2, "between junctions")]
 
 
 def isovalue_table(tree: JoinTree, levels: tuple[Level, ...]) -> pd.DataFrame:
