@@ -10,6 +10,7 @@ from drl_meshgen.quality.base_complex import base_complex, straight_pairs
 from drl_meshgen.quality.closest import TriangleSearch
 from drl_meshgen.quality.deviation import boundary_mse, deviation
 from drl_meshgen.quality.mixed import MixedTopology, Outline
+from drl_meshgen.quality.normals import pseudo_normals
 from drl_meshgen.quality.shape import QuadShape, own_normals
 from drl_meshgen.quality.structure import boundary_loops, structural_defects, topology_defects
 
@@ -33,7 +34,8 @@ def surface_normals(mesh: QuadMesh, search: TriangleSearch, surface: TriMesh) ->
     """
     corners = mesh.points[mesh.quads]
     own = own_normals(corners)
-    under = surface.normals[search(corners.mean(axis=1))[1]]
+    _, triangle, point = search(corners.mean(axis=1))
+    under = pseudo_normals(surface, triangle, point)
     agreement = np.einsum("ij,ij->i", own, under)
     reverse = bool(np.median(agreement) < 0)
     return np.where(((agreement < 0) != reverse)[:, None], -own, own), reverse
