@@ -25,7 +25,9 @@ class Topology:
         k = self.faces.shape[1]
         tail, head = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
         low, high = np.minimum(tail, head), np.maximum(tail, head)
-        code, inverse, count = np.unique(low * np.int64(self.n_vertices) + high, return_inverse=True, return_counts=True)
+        code, inverse, count = np.unique(
+            low * np.int64(self.n_vertices) + high, return_inverse=True, return_counts=True
+        )
         edges = np.c_[code // self.n_vertices, code % self.n_vertices]
         return edges, inverse.reshape(-1, k), count
 

@@ -66,6 +66,17 @@ class TriMesh:
         return total / np.maximum(np.linalg.norm(total, axis=1), np.finfo(float).tiny)[:, None]
 
     @cached_property
+    def angle_normals(self) -> Float[np.ndarray, "v 3"]:
+        """Sum of the unit normals around each vertex, weighted by the triangles' angles there (not of unit length)."""
+        total = np.zeros_like(self.vertices)
+        p = self.corners
+        for k in range(3):
+            a, b = p[:, (k + 1) % 3] - p[:, k], p[:, (k + 2) % 3] - p[:, k]
+            angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("fi,fi->f", a, b))
+            np.add.at(total, self.triangles[:, k], angle[:, None] * self.normals)
+        return total
+
+    @cached_property
     def edge_lengths(self) -> Float[np.ndarray, " e"]:
         """Length of each edge of `topology.edges`."""
         e = self.topology.edges

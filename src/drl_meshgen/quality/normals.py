@@ -34,16 +34,5 @@ def pseudo_normals(
     out[on_edge] += np.where((across >= 0)[:, None], surface.normals[across], 0.0)
     at_vertex = near_zero.sum(axis=1) > 1
     vertex = surface.triangles[triangle[at_vertex], np.argmax(bary[at_vertex], axis=1)]
-    out[at_vertex] = _vertex_normals(surface)[vertex]
+    out[at_vertex] = surface.angle_normals[vertex]
     return out
-
-
-def _vertex_normals(surface: TriMesh) -> Float[np.ndarray, "v 3"]:
-    """Sum of the unit normals around each vertex, weighted by the triangles' angles there."""
-    total = np.zeros_like(surface.vertices)
-    p = surface.corners
-    for k in range(3):
-        a, b = p[:, (k + 1) % 3] - p[:, k], p[:, (k + 2) % 3] - p[:, k]
-        angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("fi,fi->f", a, b))
-        np.add.at(total, surface.triangles[:, k], angle[:, None] * surface.normals)
-    return total

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from drl_meshgen.mesh import QuadMesh, TriMesh
+from drl_meshgen.quality.normals import pseudo_normals
 from drl_meshgen.smoothing.energy import Shape, beyond, shape_of
 from drl_meshgen.smoothing.nodes import NodeState
 from drl_meshgen.smoothing.options import SmoothingOptions
@@ -66,10 +67,22 @@ class Referee:
         agreement = np.einsum("im,icm->cm", shape.normal, corner_normals).min(axis=0)
         doubt = np.nonzero(agreement < (2.0 if exact else AGREEMENT))[0]
         if doubt.size:
-            centroids = np.ascontiguousarray(shape.corners[:, :, doubt].mean(axis=1).T)
-            up[:, doubt] = self.surface.normals[np.atleast_1d(self._nearest.find_closest_cell(centroids))].T
+            up[:, doubt] = self._under(np.moveaxis(shape.corners[:, :, doubt], (0, 1, 2), (2, 1, 0))).T
             shape = shape_of(self.quads, state.points, up)
         return shape
+
+    def _under(self, corners: Float[np.ndarray, "m 4 3"]) -> Float[np.ndarray, "m 3"]:
+        """Normal of the surface nearest to each quad's centroid: of the triangle found or the pseudo-normal there.
+
+        Where the nearest point lies on an edge of the surface, it is up to the searcher which triangle is found; the
+        normal that agrees less with the quad is taken, so that the verdict holds for every searcher.
+        """
+        found, points = self._nearest.find_closest_cell(corners.mean(axis=1), return_closest_point=True)
+        found, points = np.atleast_1d(found), np.atleast_2d(points)
+        own = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+        flat, blended = self.surface.normals[found], pseudo_normals(self.surface, found, points)
+        worse = np.einsum("mi,mi->m", blended, own) < 0
+        return np.where(worse[:, None], blended, flat)
 
     def figures(self, state: NodeState, *, exact: bool = False) -> Figures:
         """Worst angles, area ratio and number of folded quads."""
@@ -101,7 +114,7 @@ class Referee:
     def penalty_of_places(self, corners: Float[np.ndarray, "p q 4 3"]) -> Float[np.ndarray, " p"]:
         """Sum of the squared penalties of `q` quads for each of `p` sets of corner positions."""
         quads = np.arange(corners[..., 0].size).reshape(-1, 4)
-        under = self.surface.normals[self._nearest.find_closest_cell(corners.reshape(-1, 4, 3).mean(axis=1))]
+        under = self._under(corners.reshape(-1, 4, 3))
         shape, (low, high) = shape_of(quads.T, corners.reshape(-1, 3), under.T), self.options.wanted_angles
         angle = outer_angles(shape)
         missed = np.maximum(low - angle, 0).max(axis=0) + np.maximum(angle - high, 0).max(axis=0)
