@@ -45,6 +45,14 @@ def commands(*starts):
     return [words for line in lines if (words := shlex.split(line, comments=True))[: len(starts)] == list(starts)]
 
 
+def script(path):
+    """Load a script of the documentation as a module."""
+    spec = importlib.util.spec_from_file_location(Path(path).stem, ROOT / path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 def slug(heading):
     return re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-")
 
@@ -148,6 +156,11 @@ def test_the_page_of_files_has_every_stage_and_every_file():
     assert {name for name in written if f"`{name}`" not in page} == set()
 
 
+def test_the_page_of_options_is_up_to_date():
+    page = (ROOT / "docs/options.md").read_text("utf-8")
+    assert page == script("docs/options.py").page(), "run `python docs/options.py`"
+
+
 def test_the_architecture_page_names_every_stage_and_package():
     page = (ROOT / "docs/architecture.md").read_text("utf-8")
     assert {s.name for s in COMPARED_STAGES} <= set(re.findall(r"`(\w+)`", page))
@@ -176,21 +189,14 @@ def test_targets_of_make_exist(target):
     assert done.returncode == 0, done.stderr
 
 
-def gallery(name):
-    spec = importlib.util.spec_from_file_location(name, ROOT / f"docs/gallery/{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def test_gallery_meshes_and_draws_a_model(tmp_path, capsys):
     small = ["hemisphere", "--quads", "120", "--triangles", "5000", "--no-picture", "--out", str(tmp_path)]
-    assert (gallery("mesh_and_draw").main(small) / "mesh.vtu").is_file()
+    assert (script("docs/gallery/mesh_and_draw.py").main(small) / "mesh.vtu").is_file()
     assert "min_angle" in capsys.readouterr().out
 
 
 def test_gallery_compares_counts_on_one_partition(capsys):
-    table = gallery("compare_counts").main(["hemisphere", "100", "200", "--triangles", "5000"])
+    table = script("docs/gallery/compare_counts.py").main(["hemisphere", "100", "200", "--triangles", "5000"])
     assert isinstance(table, pd.DataFrame)
     assert table["quads"].is_monotonic_increasing
     assert table["reused stages"].tolist() == [0, 4]
