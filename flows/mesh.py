@@ -12,13 +12,13 @@ from prefect.runtime import flow_run
 from prefect.states import Completed, Failed
 
 from drl_meshgen.commands.output import can_draw, folder_names
-from drl_meshgen.pipeline import STAGES, MeshOptions, ModelOptions
+from drl_meshgen.pipeline import COMPARED_STAGES, STAGES, MeshOptions, ModelOptions
 from drl_meshgen.quality import Quality, gate
 from drl_meshgen.store import ArtifactRef, Store, reopen
 from flows import dashboard
 from flows.chain import BELOW_GATE, FINE, Outcome, exit_code, run_chain
 from flows.server import ServerError, connected
-from tasks import assembly, cleanup, decompose, lift, model, partition, quality, ricci, smoothing, subdomain
+from tasks import assembly, cleanup, comparison, decompose, lift, model, partition, quality, ricci, smoothing, subdomain
 from tasks.report import report as report_task
 
 TASKS = {
@@ -32,6 +32,7 @@ TASKS = {
     "lift": lift.lift,
     "smoothing": smoothing.smoothing,
     "quality": quality.quality,
+    "comparison": comparison.comparison,
 }
 
 
@@ -81,25 +82,30 @@ def _publish(outcomes: Sequence[Outcome], metrics: Sequence[Mapping[str, float]]
 @flow(name="mesh", flow_run_name=_run_name, description=__doc__)
 def mesh(
     surfaces: list[str],
+    *,
     target_quads: int | None = None,
     triangles: int = ModelOptions.triangles,
+    seed: int = 0,
     store: str | None = None,
     report: str | None = None,
+    compare: bool = True,
 ) -> State[list[Outcome]]:
     """Mesh surfaces (model names or files) one after another; a failed one does not stop the others.
 
-    `target_quads` is the wanted number of quads, `triangles` the size of generated models, `store` the folder of the
-    artifact store, `report` the folder that gets the report. The state tells which surfaces failed; its data are the
-    outcomes.
+    `target_quads` is the wanted number of quads, `triangles` the size of generated models, `seed` that of whatever is
+    random, `store` the folder of the artifact store, `report` the folder that gets the report; with `compare` other
+    meshers run on the same surfaces. The state tells which surfaces failed; its data are the outcomes.
     """
     place = Store(store)
-    options = MeshOptions().sized(target_quads)
+    options = replace(MeshOptions().sized(target_quads), seed=seed)
+    stages = COMPARED_STAGES if compare else STAGES
+    tasks = {stage.name: TASKS[stage.name] for stage in stages}
     outcomes: list[Outcome] = []
     metrics: list[Mapping[str, float]] = []
     for source, name in zip(surfaces, folder_names(surfaces), strict=True):
-        given = options.by_stage(source, triangles)
-        complete = {stage.name: given.get(stage.name, stage.options()) for stage in STAGES}
-        outcome = run_chain(TASKS, name, complete, str(place.root))
+        given = options.by_stage(source, triangles, compare=compare)
+        complete = {stage.name: given.get(stage.name, stage.options()) for stage in stages}
+        outcome = run_chain(tasks, name, complete, str(place.root))
         figures: Mapping[str, float] = {}
         if _meshed(outcome):
             measured = reopen(STAGES, outcome.refs, place)["quality"]
@@ -122,18 +128,30 @@ def mesh(
 
 def main(
     surfaces: Annotated[list[str], typer.Argument(help="Model names (hemisphere, giraffe, hand) or files.")],
+    *,
     target_quads: Annotated[int | None, typer.Option(min=4, help="Wanted number of quads.")] = None,
     triangles: Annotated[int, typer.Option(help="Size of generated models.")] = ModelOptions.triangles,
+    seed: Annotated[int, typer.Option(help="Seed of whatever is random.")] = 0,
     store: Annotated[
         Path | None, typer.Option(help="Artifact store (default: DRL_MESHGEN_STORE or artifacts).")
     ] = None,
     report: Annotated[Path, typer.Option(help="Folder that gets the report.")] = Path("reports/generated/mesh"),
+    compare: Annotated[bool, typer.Option(help="Run other meshers on the same surfaces.")] = True,
 ) -> None:
     """Run the mesh flow against a Prefect server; a local one is started if need be."""
     try:
         with connected() as api:
             place = None if store is None else str(store)
-            state = mesh(surfaces, target_quads, triangles, place, str(report), return_state=True)
+            state = mesh(
+                surfaces,
+                target_quads=target_quads,
+                triangles=triangles,
+                seed=seed,
+                store=place,
+                report=str(report),
+                compare=compare,
+                return_state=True,
+            )
     except ServerError as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(error.exit_code) from None

@@ -1,6 +1,7 @@
 """The pipeline: every stage from a surface to its block-structured mesh, in order.
 
-`STAGES` is the one list that the library call, the command line and the Prefect flow run.
+`STAGES` is the one list that the library call, the command line and the Prefect flow run; where rivals are wanted,
+`COMPARED_STAGES`, which has one more.
 """
 
 from collections.abc import Callable, Mapping
@@ -13,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from drl_meshgen import codecs
 from drl_meshgen.assembly import assemble, fill
+from drl_meshgen.baselines import Comparison, RivalOptions, compare
 from drl_meshgen.cleanup import CleanupOptions, clean
 from drl_meshgen.decompose import DecomposeOptions, decompose
 from drl_meshgen.lift.inverse import LiftedMesh, inverse_map
@@ -51,6 +53,7 @@ class MeshOptions:
     partition: PartitionOptions = field(default_factory=PartitionOptions)
     decompose: DecomposeOptions = field(default_factory=DecomposeOptions)
     smoothing: SmoothingOptions = field(default_factory=SmoothingOptions)
+    comparison: RivalOptions = field(default_factory=RivalOptions)
     seed: int = 0
     """Seed of whatever is random; no stage is at present, so it changes nothing but what is recorded."""
 
@@ -63,9 +66,12 @@ class MeshOptions:
         size |= {} if target_edge is None else {"target_edge": target_edge}
         return replace(self, decompose=replace(self.decompose, **size))
 
-    def by_stage(self, source: str, triangles: int = ModelOptions.triangles) -> dict[str, object]:
-        """Options of every stage that has any, for a run on `source`."""
-        return {
+    def by_stage(
+        self, source: str, triangles: int = ModelOptions.triangles, *, compare: bool = False
+    ) -> dict[str, object]:
+        """Options of every stage that has any, for a run on `source`; of the comparison only where asked for."""
+        rivals = {"comparison": self.comparison} if compare else {}
+        return rivals | {
             "model": ModelOptions(source, triangles),
             "cleanup": self.cleanup,
             "ricci": self.ricci,
@@ -146,6 +152,15 @@ def _quality(inputs: Mapping[str, Any], _options: NoOptions) -> Quality:
     return measure(mesh.mesh, inputs["cleanup"].surface, mesh.block)
 
 
+def _comparison(inputs: Mapping[str, Any], options: RivalOptions) -> Comparison:
+    """Run other meshers on the same surface at the same number of quads."""
+    return compare(inputs["cleanup"].surface, len(inputs["smoothing"].mesh.mesh.quads), options)
+
+
+def _seconds(result: Comparison) -> Mapping[str, float]:
+    return result.seconds
+
+
 def _stage(
     run: Callable[[Mapping[str, Any], Any], Any],
     inputs: tuple[str, ...],
@@ -171,6 +186,17 @@ STAGES: tuple[Stage[Any, Any], ...] = (
     _stage(_smoothing, ("cleanup", "lift"), ("drl_meshgen.smoothing",), codecs.FINAL, SmoothingOptions),
     _stage(_quality, ("cleanup", "smoothing"), ("drl_meshgen.quality",), codecs.QUALITY),
 )
+COMPARED_STAGES: tuple[Stage[Any, Any], ...] = (
+    *STAGES,
+    _stage(
+        _comparison,
+        ("cleanup", "smoothing"),
+        ("drl_meshgen.baselines",),
+        codecs.COMPARISON,
+        RivalOptions,
+        parts=_seconds,
+    ),
+)
 
 
 def run(
@@ -178,12 +204,17 @@ def run(
     options: MeshOptions | None = None,
     *,
     triangles: int = ModelOptions.triangles,
+    compare: bool = False,
     store: Store | None = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> Execution:
-    """Run all stages on a model name or file, in memory or through a store; results by stage name."""
+    """Run all stages on a model name or file, in memory or through a store; results by stage name.
+
+    With `compare` also the rivals, which can take minutes.
+    """
     options = options or MeshOptions()
-    return execute(STAGES, options.by_stage(source, triangles), store=store, progress=progress)
+    stages = COMPARED_STAGES if compare else STAGES
+    return execute(stages, options.by_stage(source, triangles, compare=compare), store=store, progress=progress)
 
 
 def mesh_surface(surface: TriMesh | RawSurface | str | Path, options: MeshOptions | None = None) -> BlockMesh:

@@ -130,6 +130,17 @@ def test_timing_stays_outside_the_hashed_part(store):
     assert store.seconds(ref) == 12.5
 
 
+def test_times_of_parts_are_kept_beside_the_artifact_and_change_nothing_in_it(store):
+    def compute(folder):
+        (folder / "x.txt").write_text("one")
+        return {"rival": 3.5}
+
+    ref = store.run(recipe(), compute)
+    assert store.parts(ref) == {"rival": 3.5}
+    assert ref == store.run(recipe(), writer(x="one"))
+    assert store.parts(store.run(recipe(a=2), writer(x="one"))) == {}
+
+
 def test_a_failing_computation_leaves_nothing(store):
     def compute(folder):
         (folder / "x.txt").write_text("half")

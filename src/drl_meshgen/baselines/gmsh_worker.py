@@ -4,6 +4,8 @@ JOB is an `.npz` with the fields of `Job`; OUT gets `points`, `quads`, `triangle
 package is imported.
 """
 
+import math
+import signal
 import sys
 import time
 from dataclasses import dataclass
@@ -30,6 +32,8 @@ class Job:
     """`quasi-structured`, `blossom`, `blossom-subdivided` or `transfinite`."""
     size: float
     """Target edge length."""
+    limit: float
+    """Seconds after which the process ends itself, in case nobody is left to end it."""
     split: bool
     """Let Gmsh cut the surface into patches it can parametrise better."""
 
@@ -125,8 +129,10 @@ def main() -> None:
             stored["corners"],
             str(stored["method"]),
             float(stored["size"]),
+            float(stored["limit"]),
             bool(stored["split"]),
         )
+    signal.alarm(math.ceil(job.limit) + 5)
     np.savez(sys.argv[2], **work(job))  # pyright: ignore[reportArgumentType]
 
 

@@ -3,8 +3,11 @@
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from enum import Enum
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -45,14 +48,26 @@ class RivalOutcome(Enum):
 class RivalOptions:
     """How rivals are run."""
 
-    timeout: float = 120.0
-    """Time limit of one attempt, seconds."""
+    methods: tuple[str, ...] = tuple(method.key for method in Method)
+    """Which methods run: quasi-structured, blossom, blossom-subdivided, transfinite."""
+    timeout: float = 90.0
+    """Time limit of one method, all its attempts together, seconds."""
     corrections: int = 2
     """How often the size may be corrected to come closer to the wanted number of quads."""
     tolerance: float = 0.1
     """A count within this share of the wanted one is close enough."""
     missing: float = 0.05
     """A surface point farther than this from the mesh counts as missing, in bounding-box diagonals."""
+
+    def __post_init__(self) -> None:
+        known = [method.key for method in Method]
+        if unknown := [key for key in self.methods if key not in known]:
+            raise ValueError(f"{unknown[0]!r} is not a method; known are {', '.join(known)}")
+
+    @property
+    def chosen(self) -> tuple[Method, ...]:
+        """The methods, in the order of the options."""
+        return tuple(Method[key.upper().replace("-", "_")] for key in self.methods)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +88,7 @@ class Rival:
 # Run by path: importing the package would cost more than a small mesh.
 _WORKER = Path(__file__).with_name("gmsh_worker.py")
 # Quads made per square of the target edge length, measured on a hemisphere; the first guess of the size.
-_QUADS_PER_SQUARE = {Method.QUASI_STRUCTURED: 4.2, Method.BLOSSOM_SUBDIVIDED: 4.2}
+_QUADS_PER_SQUARE = {Method.QUASI_STRUCTURED: 3.9, Method.BLOSSOM_SUBDIVIDED: 4.2}
 
 
 def _four_sides(surface: TriMesh, loop: Int[np.ndarray, " n"]) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " 4"]]:
@@ -107,12 +122,13 @@ def _attempt(surface: TriMesh, method: Method, size: float, timeout: float, *, s
             method=method.key,
             size=size,
             split=split,
+            limit=timeout,
         )
         command = [sys.executable, "-P", str(_WORKER), str(job), str(out)]
         try:
             done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)  # noqa: S603
         except subprocess.TimeoutExpired:
-            return Rival(method, RivalOutcome.TIMED_OUT, f"limit {timeout:g} s")
+            return Rival(method, RivalOutcome.TIMED_OUT)
         if done.returncode or not out.is_file():
             said = (done.stderr.strip().splitlines() or [""])[-1]
             return Rival(method, RivalOutcome.CRASHED, said or f"exit status {done.returncode}")
@@ -153,35 +169,46 @@ def run_rival(surface: TriMesh, method: Method, target_quads: int, options: Riva
     returned.
     """
     options = options or RivalOptions()
+    end = time.monotonic() + options.timeout
     t = surface.topology
     if method is Method.TRANSFINITE and (t.euler != 1 or boundary_loops(t) != 1):
         return Rival(method, RivalOutcome.NOT_APPLICABLE)
-    size = np.sqrt(surface.area / target_quads * _QUADS_PER_SQUARE.get(method, 1.0))
-    best = Rival(method, RivalOutcome.EMPTY)
-    for split in (False, True):
-        best = _checked(_attempt(surface, method, size, options.timeout, split=split), surface, options.missing)
-        if best.outcome is RivalOutcome.MESHED or method is Method.TRANSFINITE:
-            return _tuned(surface, best, size, target_quads, options, split=split)
-    return best
+
+    def attempt(size: float, *, split: bool) -> Rival:
+        left = end - time.monotonic()
+        if left <= 0:
+            return Rival(method, RivalOutcome.TIMED_OUT)
+        return _checked(_attempt(surface, method, size, left, split=split), surface, options.missing)
+
+    size = float(np.sqrt(surface.area / target_quads * _QUADS_PER_SQUARE.get(method, 1.0)))
+    best = attempt(size, split=False)
+    if best.outcome is RivalOutcome.MESHED:
+        return _tuned(best, size, target_quads, options, partial(attempt, split=False))
+    if method is not Method.TRANSFINITE:
+        second = attempt(size, split=True)
+        if second.outcome is RivalOutcome.MESHED:
+            return _tuned(second, size, target_quads, options, partial(attempt, split=True))
+        best = second if best.mesh is None else best
+    return replace(best, detail=f"limit {options.timeout:g} s") if best.outcome is RivalOutcome.TIMED_OUT else best
 
 
 def _tuned(
-    surface: TriMesh, best: Rival, size: float, target_quads: int, options: RivalOptions, *, split: bool
+    best: Rival, size: float, target_quads: int, options: RivalOptions, attempt: Callable[[float], Rival]
 ) -> Rival:
-    """Correct the size until the count fits; keep the nearest run that is as whole as the first."""
-    if best.mesh is None:
-        return best
-    count = len(best.mesh.quads)
-    nearest = count
+    """Correct the size until the count fits; keep the nearest run that meshed the whole surface, as the first did."""
+    nearest = count = _count(best)
     for _ in range(options.corrections):
         if abs(count / target_quads - 1) <= options.tolerance:
             break
         size *= np.sqrt(count / target_quads)
-        latest = _attempt(surface, best.method, size, options.timeout, split=split)
-        latest = _checked(latest, surface, options.missing)
-        if latest.outcome is not best.outcome or latest.mesh is None:
+        latest = attempt(size)
+        if latest.outcome is not RivalOutcome.MESHED:
             break
-        count = len(latest.mesh.quads)
+        count = _count(latest)
         if abs(np.log(count / target_quads)) < abs(np.log(nearest / target_quads)):
             best, nearest = latest, count
     return best
+
+
+def _count(rival: Rival) -> int:
+    return 0 if rival.mesh is None else len(rival.mesh.quads)

@@ -2,6 +2,7 @@
 
 from drl_meshgen.codecs.assembly import ASSEMBLY
 from drl_meshgen.codecs.cleanup import CLEANUP
+from drl_meshgen.codecs.comparison import COMPARISON
 from drl_meshgen.codecs.files import Codec
 from drl_meshgen.codecs.final import FINAL
 from drl_meshgen.codecs.layout import LAYOUT
@@ -15,6 +16,7 @@ from drl_meshgen.codecs.subdomains import SUBDOMAINS
 __all__ = [
     "ASSEMBLY",
     "CLEANUP",
+    "COMPARISON",
     "FINAL",
     "LAYOUT",
     "LIFTED",

@@ -113,6 +113,28 @@ def read_grid(path: Path) -> Grid:
     return Grid(points, cells.reshape(-1, width), point, cell)
 
 
+def write_faces(
+    path: Path, points: Float[np.ndarray, "n 3"], quads: Int[np.ndarray, "m 4"], triangles: Int[np.ndarray, "t 3"]
+) -> None:
+    """Write a mesh of quads and triangles, quads first."""
+    import pyvista as pv
+
+    faces = {_QUAD: quads, _TRIANGLE: triangles}
+    cells = [np.c_[np.full(len(kind), kind.shape[1]), kind].ravel() for kind in faces.values()]
+    types = np.repeat(list(faces), [len(kind) for kind in faces.values()])
+    _save(path, pv.UnstructuredGrid(np.concatenate(cells), types, np.array(points)), {}, {})
+
+
+def read_faces(path: Path) -> tuple[np.ndarray, Int[np.ndarray, "m 4"], Int[np.ndarray, "t 3"]]:
+    """Read what `write_faces` wrote: points, quads, triangles."""
+    import pyvista as pv
+
+    grid: Any = pv.read(path)
+    points, cells, _, _ = _arrays(grid)
+    split = 4 * np.count_nonzero(np.asarray(grid.celltypes) == _QUAD)
+    return points, cells[:split].reshape(-1, 4), cells[split:].reshape(-1, 3)
+
+
 def write_lines(
     path: Path,
     points: Float[np.ndarray, "n 3"],

@@ -15,6 +15,7 @@ from drl_meshgen.quality.closest import TriangleSearch
 from drl_meshgen.quality.metrics import surface_normals
 from drl_meshgen.report import palette, pictures, tables
 from drl_meshgen.report.charts import angle_chart
+from drl_meshgen.report.closeups import draw_quad
 from drl_meshgen.report.inputs import OURS, ModelRun
 from drl_meshgen.report.view import best_view
 
@@ -57,11 +58,13 @@ def _draw(run: ModelRun, shape: QuadShape, worst: pd.DataFrame, folder: Path, si
     }
     for method, mesh in run.rivals.items():
         drawn["mesh " + method] = pictures.draw_mesh(mesh, view, run.rival_triangles.get(method), long_side=size)
-    for rank, quad in enumerate(worst["quad"]):
-        drawn[f"worst {rank:02}"] = pictures.draw_quad(run.mesh.mesh, shape, int(quad))
     paths = {name: folder / f"{_slug(name)}.png" for name in drawn}
     for name, image in drawn.items():
         pictures.write_png(paths[name], image)
+    for rank, quad in enumerate(worst["quad"]):
+        paths[f"worst {rank:02}"] = folder / f"worst-{rank:02}.svg"
+        with replacing(paths[f"worst {rank:02}"]) as part:
+            part.write_text(draw_quad(run.mesh.mesh, shape, int(quad)), encoding="utf-8")
     return {name: f"{folder.parent.name}/{folder.name}/{path.name}" for name, path in paths.items()}
 
 

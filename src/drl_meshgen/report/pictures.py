@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
+from PIL import Image as Pillow
 
 from drl_meshgen.export import replacing
 from drl_meshgen.export.layout import block_sides
@@ -41,6 +42,7 @@ class Scene:
             off_screen=True, window_size=[_OVERSAMPLING * s for s in self.size], lighting="light kit"
         )
         self._plotter.set_background("white")
+        self._plotter.disable_anti_aliasing()  # oversampling does it
 
     @property
     def radius(self) -> float:
@@ -125,19 +127,15 @@ class Scene:
         plotter.enable_parallel_projection()
         plotter.camera.parallel_scale = _MARGIN * view.half_height
         plotter.reset_camera_clipping_range()
-        picture = np.asarray(plotter.screenshot(return_img=True), np.float64)[..., :3]
+        picture = np.ascontiguousarray(plotter.screenshot(return_img=True)[..., :3], np.uint8)
         plotter.close()
-        k, (width, height) = _OVERSAMPLING, self.size
-        small = picture.reshape(height, k, width, k, 3).mean(axis=(1, 3))
-        return np.round(small).astype(np.uint8)
+        return np.asarray(Pillow.fromarray(picture).reduce(_OVERSAMPLING))
 
 
 def write_png(path: Path, image: Image) -> None:
     """Write a picture, whole or not at all."""
-    from PIL import Image as Pillow
-
     with replacing(path) as part:
-        Pillow.fromarray(image).save(part, optimize=True)
+        Pillow.fromarray(image).save(part, compress_level=6)
 
 
 def block_lines(mesh: BlockMesh) -> list[Float[np.ndarray, "k 3"]]:
@@ -229,25 +227,4 @@ def draw_mesh(
     if triangles is not None and len(triangles):
         scene.faces(mesh.points, triangles, palette.WORST, lines=0.7)
     _irregular(scene, mesh, 1.0)
-    return scene.shoot()
-
-
-def draw_quad(mesh: QuadMesh, shape: QuadShape, quad: int, long_side: int = 240) -> Image:
-    """Draw one quad from straight above, in red, among its neighbours of a few rings."""
-    corners = shape.corners[quad]
-    centre = corners.mean(axis=0)
-    half = 2.6 * float(np.linalg.norm(corners - centre, axis=1).max())
-    near = {quad}
-    for _ in range(4):
-        near |= set(mesh.topology.neighbours[sorted(near)].ravel().tolist()) - {-1}
-    others = np.array(sorted(near - {quad}), np.int64)
-    normal = shape.normals[quad]
-    up = corners[3] - corners[0]
-    up = up - (up @ normal) * normal
-    length = np.linalg.norm(up)
-    up = up / length if length > 0 else np.cross(normal, np.roll(normal, 1))
-    scene = Scene(View(normal, up, centre, half, half), long_side)
-    if len(others):
-        scene.faces(mesh.points, mesh.quads[others], lines=1.0, flat=True)
-    scene.faces(mesh.points, mesh.quads[quad : quad + 1], palette.WORST, lines=1.6, flat=True)
     return scene.shoot()

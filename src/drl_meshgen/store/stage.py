@@ -22,6 +22,11 @@ def itself(options: object) -> object:
     return options
 
 
+def no_parts(_result: object) -> dict[str, float]:
+    """Return nothing: the default `Stage.parts`."""
+    return {}
+
+
 @dataclass(frozen=True)
 class Stage(Generic[O, R]):
     """A pure function `(inputs, options) -> result` with everything needed to cache it.
@@ -47,6 +52,8 @@ class Stage(Generic[O, R]):
     """Read back what `write` wrote; must return all data before it ends, the folder goes away."""
     identity: Callable[[O], object] = itself
     """What of the options the result depends on; a stage that reads a file puts its content's hash for its path."""
+    parts: Callable[[R], Mapping[str, float]] = no_parts
+    """Wall-clock seconds that a fresh result says its parts took, by name; what `write` leaves must not hold them."""
 
     def recipe(self, refs: Mapping[str, ArtifactRef], options: O) -> Recipe:
         """Return what the result depends on, given (at least) the artifacts of the stages in `inputs`.
@@ -81,6 +88,8 @@ class Timing:
     """Wall-clock time of the computation itself, whenever it was made (with a store: including the writing)."""
     cached: bool
     """True where the result was found in the store."""
+    parts: Mapping[str, float] = field(default_factory=dict)
+    """Wall-clock seconds of named parts of the computation, where the stage tells of any (see `Stage.parts`)."""
 
 
 @dataclass(frozen=True)
@@ -148,8 +157,10 @@ def stored(
     called only on a miss.
     """
 
-    def compute(folder: Path) -> None:
-        stage.write(stage.run({name: fetch(name) for name in stage.inputs}, options), folder)
+    def compute(folder: Path) -> Mapping[str, float]:
+        result = stage.run({name: fetch(name) for name in stage.inputs}, options)
+        stage.write(result, folder)
+        return stage.parts(result)
 
     return store.run(stage.recipe(refs, options), compute)
 
@@ -190,12 +201,13 @@ def execute(
         own = stage.options() if own is None else own
         if store is None:
             results[stage.name] = stage.run({name: fetch(name) for name in stage.inputs}, own)
-            computed = time.perf_counter() - start
+            computed, parts = time.perf_counter() - start, stage.parts(results[stage.name])
         else:
             kept = replace(stage, run=_remembering(stage, results))
             refs[stage.name] = stored(kept, refs, own, store, fetch)
-            computed = store.seconds(refs[stage.name])
-        timing = Timing(stage.name, time.perf_counter() - start, computed, cached=stage.name not in results)
+            computed, parts = store.seconds(refs[stage.name]), store.parts(refs[stage.name])
+        seconds = time.perf_counter() - start
+        timing = Timing(stage.name, seconds, computed, cached=stage.name not in results, parts=parts)
         timings.append(timing)
         if progress is not None:
             progress(Progress(stage.name, index, len(chosen), timing))
@@ -212,7 +224,7 @@ def reopen(stages: Sequence[Stage[Any, Any]], refs: Mapping[str, ArtifactRef], s
             results[name] = load(by_name[name], refs[name], store)
         return results[name]
 
-    timings = (Timing(name, 0.0, store.seconds(ref), cached=True) for name, ref in refs.items())
+    timings = (Timing(name, 0.0, store.seconds(ref), cached=True, parts=store.parts(ref)) for name, ref in refs.items())
     return Execution(refs, tuple(timings), fetch)
 
 

@@ -6,7 +6,7 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -72,8 +72,15 @@ class Store:
         record = self._record(ref.stage, ref.key)
         return float("nan") if record is None else float(record["seconds"])
 
-    def run(self, recipe: Recipe, compute: Callable[[Path], None]) -> ArtifactRef:
+    def parts(self, ref: ArtifactRef) -> dict[str, float]:
+        """Return the seconds of the parts that `compute` told of; empty where it told of none or its record is gone."""
+        record = self._record(ref.stage, ref.key)
+        return {} if record is None else {name: float(seconds) for name, seconds in record["parts"].items()}
+
+    def run(self, recipe: Recipe, compute: Callable[[Path], Mapping[str, float] | None]) -> ArtifactRef:
         """Return the artifact of a recipe; `compute(folder)` writes its files where the store has no sound ones.
+
+        What it returns are seconds that parts of it took, by name: kept beside the artifact, where time belongs.
 
         Whoever asks for the same key meanwhile, in this or another process, waits and gets the same artifact. If
         `compute` raises, nothing is kept. Raises ValueError where `compute` leaves no file or one with a name that
@@ -90,11 +97,11 @@ class Store:
                 folder = work / "outputs"
                 folder.mkdir()
                 start = time.perf_counter()
-                compute(folder)
+                parts = compute(folder)
                 seconds = time.perf_counter() - start
                 files = self._files(recipe.stage, folder)
                 ref = ArtifactRef(recipe.stage, recipe.key, {name: self.objects.put(files[name]) for name in files})
-                self._write_record(recipe, ref, seconds, work / "record.json")
+                self._write_record(recipe, ref, {"seconds": seconds, "parts": dict(parts or {})}, work / "record.json")
         return ref
 
     @contextmanager
@@ -128,15 +135,17 @@ class Store:
         try:
             data = json.loads(self.record_path(stage, key).read_bytes())
             recipe, outputs, seconds = data["recipe"], data["outputs"], data["seconds"]
+            parts = dict(data["parts"])
             ArtifactRef(stage, key, outputs)
         except (FileNotFoundError, ValueError, KeyError, TypeError, AttributeError):
             return None
         sound = digest(recipe) == key and data.get("digest") == digest({"recipe": recipe, "outputs": outputs})
-        return {"recipe": recipe, "outputs": outputs, "seconds": seconds} if sound and outputs else None
+        record = {"recipe": recipe, "outputs": outputs, "seconds": seconds, "parts": parts}
+        return record if sound and outputs else None
 
-    def _write_record(self, recipe: Recipe, ref: ArtifactRef, seconds: float, draft: Path) -> None:
+    def _write_record(self, recipe: Recipe, ref: ArtifactRef, time_taken: Mapping[str, Any], draft: Path) -> None:
         hashed = {"recipe": recipe.to_json(), "outputs": dict(ref.outputs)}
-        draft.write_text(json.dumps({**hashed, "digest": digest(hashed), "seconds": seconds}, indent=1, sort_keys=True))
+        draft.write_text(json.dumps({**hashed, "digest": digest(hashed), **time_taken}, indent=1, sort_keys=True))
         settle(draft, self.record_path(ref.stage, ref.key))
 
     @contextmanager
