@@ -86,14 +86,19 @@ def test_a_folder_is_refused(tmp_path):
     refuses("cannot be read", load, tmp_path / "folder.stl")
 
 
-@pytest.mark.parametrize("name", ["fish.xyz", "elephant"])
-def test_unknown_names_say_what_can_be_read(name):
-    assert "STL" in refuses("neither a model's name nor a file type", load, name)
+def test_a_missing_file_without_a_suffix_may_be_a_misspelt_model():
+    assert refuses("no such file", load, "girafe").endswith("no model of that name (hemisphere, giraffe, hand)")
+
+
+def test_unknown_types_say_what_can_be_read(tmp_path):
+    (tmp_path / "fish.xyz").write_text("1 2 3")
+    assert "STL" in refuses("neither a model's name nor a file type", load, tmp_path / "fish.xyz")
 
 
 @pytest.mark.parametrize("name", ["part.msh", "part.step", "PART.STP"])
-def test_msh_and_step_are_not_read_yet(name):
-    assert "convert it to STL or PLY" in refuses("not read yet", load, name)
+def test_msh_and_step_are_not_read_yet(tmp_path, name):
+    (tmp_path / name).touch()
+    assert "convert it to STL or PLY" in refuses("not read yet", load, tmp_path / name)
 
 
 def test_points_alone_are_no_surface(tmp_path):

@@ -23,6 +23,18 @@ def generate(name: str, triangles: int) -> TriMesh:
     return sample({"giraffe": giraffe, "hand": hand}[name](), triangles)
 
 
+def existing_file(source: str | Path) -> Path:
+    """Return the path of a surface's file.
+
+    Raises `InputError` where there is none; without a suffix it may be a misspelt model, so the sentence names them.
+    """
+    path = Path(source)
+    if not path.exists():
+        hint = "" if path.suffix else f", and no model of that name ({', '.join(MODELS)})"
+        raise InputError(path.name or str(source), f"no such file{hint}")
+    return path
+
+
 def load(name_or_path: str | Path, triangles: int = 25_000, cache_dir: Path | None = DEFAULT_CACHE) -> RawSurface:
     """Return a model by name or the surface in a file.
 
@@ -33,7 +45,7 @@ def load(name_or_path: str | Path, triangles: int = 25_000, cache_dir: Path | No
     """
     name = str(name_or_path)
     if name not in MODELS:
-        return read_surface(Path(name_or_path))
+        return read_surface(existing_file(name_or_path))
     if not MIN_TRIANGLES <= triangles <= MAX_TRIANGLES:
         raise InputError(name, f"{triangles} triangles asked for", f"use {MIN_TRIANGLES} to {MAX_TRIANGLES}")
     if name == "hemisphere" or cache_dir is None:
