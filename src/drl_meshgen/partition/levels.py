@@ -18,7 +18,7 @@ class PartitionOptions:
     """Damped averaging sweeps of the depth before anything else (count)."""
     persistence: float = 1.5
     """Tips that rise less above their saddle are noise (depth units)."""
-    min_arc: float = 1.0
+    min_arc: float = 0.6
     """Saddles closer than this along an arc are one junction (depth units)."""
     cap_depth: float = 1.0
     """How far below a tip its cap is cut off (depth units)."""
