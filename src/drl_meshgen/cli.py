@@ -65,6 +65,9 @@ def mesh(
         typer.Option(metavar="FILE.toml", exists=True, dir_okay=False, help="Options of all stages, one table each."),
     ] = None,
     remesh: Annotated[bool, typer.Option("--remesh", help="Remesh the input isotropically first.")] = False,
+    compare: Annotated[
+        bool, typer.Option("--compare", help="Run Gmsh's methods on the same surfaces too; takes minutes.")
+    ] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Refuse inputs of several components.")] = False,
     timings: Annotated[bool, typer.Option("--timings", help="Print the time of every stage.")] = False,
     no_pictures: Annotated[bool, typer.Option("--no-pictures", help="Write no PNG files.")] = False,
@@ -76,7 +79,8 @@ def mesh(
     """Mesh surfaces by structured quadrilateral blocks.
 
     Writes mesh.vtu, layout.vtu, blocks.parquet, edges.parquet, quality.parquet, surface.ply, options.toml and pictures
-    to DIR/NAME. NAME is the model or the file without its suffix; where names coincide, -2, -3 ... is appended.
+    to DIR/NAME; with --compare also the folder rivals. NAME is the model or the file without its suffix; where names
+    coincide, -2, -3 ... is appended.
     """
     if target_quads is not None and target_edge is not None:
         raise typer.BadParameter("give --target-quads or --target-edge, not both")
@@ -97,7 +101,17 @@ def mesh(
         options = replace(options, cleanup=cleanup, seed=options.seed if seed is None else seed)
         kept = None if store is None else Store(store)
         return mesh_all(
-            Request(inputs, out, options, triangles, kept, pictures=not no_pictures, timings=timings, debug=debug)
+            Request(
+                inputs,
+                out,
+                options,
+                triangles,
+                kept,
+                pictures=not no_pictures,
+                compare=compare,
+                timings=timings,
+                debug=debug,
+            )
         )
 
     _run(command, debug=debug)

@@ -269,3 +269,21 @@ def test_unwritable_place_is_told_in_one_sentence(disk, tmp_path):
     assert result.stderr.startswith("disk.ply: ")
     assert len(result.stderr.splitlines()) == 1
     assert [path.name for path in Path(tmp_path / "out").iterdir()] == ["disk"]
+
+
+def test_rivals_are_run_on_demand_and_get_a_line_and_files_each(disk, tmp_path):
+    (tmp_path / "fast.toml").write_text('[comparison]\nmethods = ["transfinite", "blossom"]\n')
+    result = meshing(disk, "--out", tmp_path, "--compare", "--config", tmp_path / "fast.toml")
+    lines = result.stdout.splitlines()
+    assert [line[:28].strip() for line in lines[1:]] == ["Gmsh transfinite", "Gmsh blossom"]
+    assert all(" quads " in line for line in lines)
+    files = {path.name for path in (tmp_path / "disk/rivals").iterdir()}
+    assert files == {"rivals.parquet", "transfinite.vtu", "blossom.vtu"}
+    assert {path.name for path in (tmp_path / "disk").iterdir()} == FILES | {"rivals"}
+
+
+def test_an_unknown_rival_is_a_wrong_setting(disk, tmp_path):
+    (tmp_path / "odd.toml").write_text('[comparison]\nmethods = ["triangle"]\n')
+    result = meshing(disk, "--out", tmp_path, "--config", tmp_path / "odd.toml")
+    assert result.exit_code == 2
+    assert "odd.toml: comparison: 'triangle' is not a method" in result.stderr

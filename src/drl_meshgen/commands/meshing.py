@@ -4,7 +4,7 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +14,14 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from drl_meshgen import pipeline
-from drl_meshgen.commands.output import can_draw, complete, folder_names, write_pictures, write_results
+from drl_meshgen.commands.output import (
+    can_draw,
+    complete,
+    folder_names,
+    write_pictures,
+    write_results,
+    write_rivals,
+)
 from drl_meshgen.errors import InputError, MeshgenError
 from drl_meshgen.models import MODELS
 from drl_meshgen.pipeline import MeshOptions
@@ -41,6 +48,8 @@ class Request:
     """Where stage results are kept and looked up; None: nowhere."""
     pictures: bool = True
     """Write pictures too."""
+    compare: bool = False
+    """Run other meshers on the same surfaces too."""
     timings: bool = False
     """Print how long each stage took."""
     debug: bool = False
@@ -102,16 +111,27 @@ def _mesh_one(request: Request, source: str, name: str) -> int:
     label, start = _label(source), time.perf_counter()
     with warnings.catch_warnings(record=True) as caught, _bar(name) as show:
         warnings.simplefilter("always")
-        done = pipeline.run(source, request.options, triangles=request.triangles, store=request.store, progress=show)
+        done = pipeline.run(
+            source,
+            request.options,
+            triangles=request.triangles,
+            compare=request.compare,
+            store=request.store,
+            progress=show,
+        )
         quality: Quality = done["quality"]
         with complete(request.out / name) as folder:
             write_results(folder, done, request.options)
+            if request.compare:
+                write_rivals(folder / "rivals", done)
             if request.pictures:
                 write_pictures(folder, done)
     for warning in caught:
         if warning.category.__module__.startswith("drl_meshgen"):
             typer.echo(f"warning: {warning.message}", err=True)
-    typer.echo(verdict(name, quality, time.perf_counter() - start))
+    typer.echo(verdict(name, quality.metrics, time.perf_counter() - start))
+    if request.compare:
+        typer.echo(rival_table(done))
     if request.timings:
         typer.echo(timing_table(done))
     failed = gate(quality)
@@ -120,13 +140,30 @@ def _mesh_one(request: Request, source: str, name: str) -> int:
     return BELOW_GATE if failed else FINE
 
 
-def verdict(name: str, quality: Quality, seconds: float) -> str:
+def verdict(name: str, metrics: Mapping[str, float], seconds: float) -> str:
     """Return one line on a mesh: quads, blocks, irregular nodes, extreme angles, time."""
-    m = quality.metrics
+    m = metrics
     return (
         f"{name:<16} {m['quads']:6.0f} quads  {m['named_blocks']:3.0f} blocks  {m['irregular']:3.0f} irregular  "
         f"angles {m['min_angle']:5.1f} to {m['max_angle']:5.1f}  {seconds:6.1f} s"
     )
+
+
+def rival_table(done: Execution) -> str:
+    """Return one line per rival: what its mesh is like, or why there is none."""
+    seconds = next(timing.parts for timing in done.timings if timing.stage == "comparison")
+    lines = []
+    for row in done["comparison"].rows.to_dict("records"):
+        name = str(row["method"])
+        remark = "; ".join(text for text in (row["cause"], row["defects"]) if text)
+        if name in seconds:
+            figures = (
+                f"{row['quads']:6.0f} quads  {row['irregular']:4.0f} irregular  "
+                f"angles {row['min_angle']:5.1f} to {row['max_angle']:5.1f}  {seconds[name]:6.1f} s"
+            )
+            remark = f"{figures}  {remark}"
+        lines.append(f"  {name:<26} {remark}".rstrip())
+    return "\n".join(lines)
 
 
 def timing_table(done: Execution) -> str:

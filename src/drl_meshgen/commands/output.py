@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from drl_meshgen.codecs import COMPARISON
 from drl_meshgen.commands.settings import to_toml
 from drl_meshgen.export import write_block_mesh, write_surface_ply, write_table
 from drl_meshgen.models import MODELS
@@ -65,6 +66,12 @@ def write_results(folder: Path, done: Execution, options: MeshOptions) -> None:
     write_surface_ply(folder / "surface.ply", done["cleanup"].surface)
     write_table(folder / "quality.parquet", pd.DataFrame([done["quality"].metrics]))
     (folder / "options.toml").write_text(to_toml(options), "utf-8")
+
+
+def write_rivals(folder: Path, done: Execution) -> None:
+    """Write `rivals.parquet` and the mesh of each rival."""
+    folder.mkdir()
+    COMPARISON.write(done["comparison"], folder)
 
 
 def can_draw() -> bool:
