@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from drl_meshgen import codecs
 from drl_meshgen.cli import EXIT_CODES, app
 from drl_meshgen.commands.settings import read_settings
+from drl_meshgen.models import MODELS
 from drl_meshgen.pipeline import COMPARED_STAGES
 from drl_meshgen.quality import measure
 from flows.mesh import main as flow_main
@@ -88,6 +89,14 @@ def test_python_of_the_readme_runs(tmp_path, monkeypatch, capsys):
     assert {"mesh.vtu", "layout.vtu", "blocks.parquet", "edges.parquet"} <= {p.name for p in tmp_path.rglob("*")}
 
 
+def test_the_figures_of_the_readme_are_those_of_their_script():
+    figures = script("docs/figures.py")
+    written = README.split(figures.MARKS[0])[1].split(figures.MARKS[1])[0]
+    assert figures.line(figures.COLUMNS) in written
+    wanted = [model for model in MODELS for _ in figures.COUNTS]
+    assert re.findall(r"^\| (\w+) \| [\d,]+ \|", written, re.MULTILINE) == wanted
+
+
 def test_settings_of_the_readme_are_read(tmp_path):
     (block,) = blocks(README, "toml")
     (tmp_path / "settings.toml").write_text(block, "utf-8")
@@ -136,7 +145,7 @@ def test_the_readme_explains_every_exit_code():
 def test_the_readme_lists_every_file_that_is_written():
     said = CliRunner().invoke(app, ["mesh", "--help"]).output
     written = re.findall(r"\w+\.(?:vtu|parquet|ply|toml)", said.split("Arguments:")[0])
-    assert set(written) - set(re.findall(r"`(\w+\.\w+)`", README)) == set()
+    assert set(written) - set(re.findall(r"`(?:\w+/)?(\w+\.\w+)`", README)) == set()
 
 
 def test_the_page_of_metrics_defines_every_metric():
