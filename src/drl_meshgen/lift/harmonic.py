@@ -1,6 +1,7 @@
 """Harmonic charts of regions: cylinder coordinates of rings, disk coordinates of caps.
 
-Weights are half cotangents, floored to stay positive, so that Tutte's theorem applies: charts do not fold.
+Weights are those of the cotangent Laplacian, floored to stay positive, so that Tutte's theorem applies: charts do not
+fold.
 """
 
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from scipy.sparse.linalg import SuperLU, splu
 from drl_meshgen.mesh import TriMesh
 from drl_meshgen.mesh.cutgraph import corner_classes
 
-#: Smallest and largest half cotangent used as an edge weight of one triangle.
+#: Smallest and largest weight of an edge, per triangle at it.
 WEIGHT_RANGE = (0.02, 20.0)
 
 
@@ -35,13 +36,18 @@ class RingChart:
 
 
 def corner_weights(mesh: TriMesh) -> Float[np.ndarray, "f 3"]:
-    """Half cotangent at each corner, clipped to `WEIGHT_RANGE`."""
+    """Half cotangent at each corner, averaged over the corners opposite the same edge and clipped to `WEIGHT_RANGE`.
+
+    Only the sum of the two matters. It is positive where the edge is Delaunay, so an obtuse corner alone clips nothing.
+    """
     p = mesh.corners
-    out = np.empty(mesh.triangles.shape)
+    half = np.empty(mesh.triangles.shape)
     double = np.maximum(2 * mesh.areas, np.finfo(float).tiny)
     for k in range(3):
-        out[:, k] = ((p[:, (k + 1) % 3] - p[:, k]) * (p[:, (k + 2) % 3] - p[:, k])).sum(1) / double / 2
-    return np.clip(out, *WEIGHT_RANGE)
+        half[:, k] = ((p[:, (k + 1) % 3] - p[:, k]) * (p[:, (k + 2) % 3] - p[:, k])).sum(1) / double / 2
+    opposite = mesh.topology.face_edges[:, [1, 2, 0]]
+    mean = np.bincount(opposite.ravel(), half.ravel()) / mesh.topology.edge_count
+    return np.clip(mean, *WEIGHT_RANGE)[opposite]
 
 
 def stiffness(mesh: TriMesh, weights: Float[np.ndarray, "f 3"]) -> csc_matrix:
