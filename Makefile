@@ -44,7 +44,9 @@ lint: setup
 	$(BIN)/lint-imports
 
 bench: setup
-	$(BIN)/python -m pytest tests/benchmark --benchmark-only
+	$(BIN)/python -m pytest tests/benchmark --benchmark-only --benchmark-columns=min,mean,max,rounds --benchmark-sort=name
+	@folder=$$(mktemp -d) && $(BIN)/drl-meshgen mesh giraffe --target-quads 8000 --timings --no-pictures --out $$folder \
+		; code=$$?; rm -r $$folder; exit $$code
 
 clean:
 	rm -rf build dist out reports/generated .pytest_cache .ruff_cache .hypothesis .import_linter_cache
