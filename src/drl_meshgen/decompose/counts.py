@@ -11,7 +11,7 @@ from scipy.sparse import coo_matrix, lil_matrix
 from drl_meshgen.errors import StageError
 
 #: Tangents of the cost are laid at these multiples of the target.
-TANGENTS = np.array([0.15, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0, 1.15, 1.35, 1.6, 2.0, 2.8, 4.0])
+TANGENTS = np.array([0.15, 0.25, 0.4, 0.55, 0.7, 0.85, 0.95, 1.0, 1.05, 1.15, 1.35, 1.6, 2.0, 2.8, 4.0])
 
 
 #: Most nodes of the branch-and-bound tree; the first few dozen decide, the rest is proof.

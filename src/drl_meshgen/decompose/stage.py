@@ -70,7 +70,7 @@ def with_counts(partition: Partition, parts: Pieces, options: DecomposeOptions) 
 
 
 def predicted_quads(layout: Layout) -> float:
-    """Quads of cells and tubes, and those of the caps from their area."""
+    """Quads of cells and tubes, and an estimate for the caps."""
     total = 0.0
     for junction, rows in zip(layout.pieces.junctions, layout.cell_rows, strict=True):
         total += float((layout.curve_counts[list(junction.curves)] * rows).sum())
@@ -80,8 +80,13 @@ def predicted_quads(layout: Layout) -> float:
 
 
 def _cap_quads(cap: Cap, n: float) -> float:
-    length = np.linalg.norm(np.diff(cap.mesh.vertices[np.r_[cap.loop, cap.loop[0]]], axis=0), axis=1).sum()
-    return float(cap.mesh.area * (n / length) ** 2)
+    """Quads of the O-type template: a core of (n / 4)^2 and layers whose number grows with the area over the flat disk.
+
+    The line through what a flat disk and a hemisphere take.
+    """
+    length = float(np.linalg.norm(np.diff(cap.mesh.vertices[np.r_[cap.loop, cap.loop[0]]], axis=0), axis=1).sum())
+    depth = 4 * np.pi * cap.mesh.area / length**2
+    return n**2 * (1 / 16 + 0.049 + 0.020 * depth)
 
 
 class _Sizing:

@@ -16,7 +16,7 @@ class PartitionOptions:
 
     smoothing: int = 3
     """Damped averaging sweeps of the depth before anything else (count)."""
-    persistence: float = 1.5
+    persistence: float = 1.2
     """Tips that rise less above their saddle are noise (depth units)."""
     min_arc: float = 0.6
     """Saddles closer than this along an arc are one junction (depth units)."""
