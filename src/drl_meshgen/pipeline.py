@@ -70,7 +70,7 @@ class MeshOptions:
         self, source: str, triangles: int = ModelOptions.triangles, *, compare: bool = False
     ) -> dict[str, object]:
         """Options of every stage that has any, for a run on `source`; of the comparison only where asked for."""
-        rivals = {"comparison": self.comparison} if compare else {}
+        rivals: dict[str, object] = {"comparison": self.comparison} if compare else {}
         return rivals | {
             "model": ModelOptions(source, triangles),
             "cleanup": self.cleanup,

@@ -129,14 +129,15 @@ def test_histogram_shares_sum_to_one(run):
     assert chart.count("<polyline") == 2
 
 
-def test_best_is_marked_only_among_whole_and_valid_meshes():
+def test_best_is_marked_only_among_whole_valid_quad_meshes():
     rows = [
-        {"ok": True, "validity": 1.0, "min_angle": 40.0, "quads": 5.0},
-        {"ok": True, "validity": 0.9, "min_angle": 60.0, "quads": 5.0},
-        {"ok": False, "validity": 1.0, "min_angle": 70.0, "quads": 5.0},
-        {"ok": True, "validity": 1.0, "min_angle": 30.0, "quads": 5.0},
+        {"ok": True, "defects": "", "validity": 1.0, "min_angle": 40.0, "quads": 5.0},
+        {"ok": True, "defects": "", "validity": 0.9, "min_angle": 60.0, "quads": 5.0},
+        {"ok": False, "defects": "", "validity": 1.0, "min_angle": 70.0, "quads": 5.0},
+        {"ok": True, "defects": "", "validity": 1.0, "min_angle": 30.0, "quads": 5.0},
+        {"ok": True, "defects": "9 faces are triangles", "validity": 1.0, "min_angle": 80.0, "quads": 5.0},
     ]
-    assert best_rows(rows, BY_KEY["min_angle"]) == [True, False, False, False]
+    assert best_rows(rows, BY_KEY["min_angle"]) == [True, False, False, False, False]
     assert not any(best_rows(rows, BY_KEY["quads"]))
     assert not any(best_rows(rows[:1], BY_KEY["min_angle"]))
 

@@ -90,7 +90,7 @@ def measure(
     shape = QuadShape(mesh.points[mesh.quads], normals)
     invalid = int((~shape.valid).sum())
     if invalid:
-        defects.append(f"{invalid} quads with a Jacobian that is not positive")
+        defects.append(f"{invalid} {'quad' if invalid == 1 else 'quads'} with a Jacobian that is not positive")
     manifold = not (t.edge_count > 2).any() and not len(t.misoriented_edges)
     smoothness, edge_ratio = _line_smoothness(mesh) if manifold else (np.nan, np.nan)
     metrics = {

@@ -6,12 +6,12 @@ import numpy as np
 
 from drl_meshgen.report.tables import HISTOGRAM_STEP, Row
 
-_WIDTH, _HEIGHT, _LEFT, _BOTTOM, _TOP = 720, 260, 44, 34, 12
+_WIDTH, _HEIGHT, _LEFT, _RIGHT, _BOTTOM, _TOP = 720, 260, 44, 18, 34, 12
 
 
 def angle_chart(histogram: Sequence[Row], methods: Sequence[str]) -> str:
     """Return the share of corners by angle, first method filled, the others as lines, from one model's bins."""
-    wide, high = _WIDTH - _LEFT - 8, _HEIGHT - _TOP - _BOTTOM
+    wide, high = _WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM
     top = max(0.05, max(float(row["share"]) for row in histogram) * 1.05)
 
     def x(angle: float) -> float:
@@ -23,7 +23,7 @@ def angle_chart(histogram: Sequence[Row], methods: Sequence[str]) -> str:
     parts = [f'<svg class="chart" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" aria-label="Corner angles">']
     for share in np.arange(0, top, 0.1 if top > 0.25 else 0.05).tolist():
         level = y(share)
-        parts.append(f'<line class="grid" x1="{_LEFT}" x2="{_WIDTH - 8}" y1="{level}" y2="{level}"/>')
+        parts.append(f'<line class="grid" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{level}" y2="{level}"/>')
         parts.append(f'<text class="tick" x="{_LEFT - 8}" y="{level + 4}" text-anchor="end">{100 * share:.0f}%</text>')
     parts += [
         f'<text class="tick" x="{x(angle)}" y="{_HEIGHT - 12}" text-anchor="middle">{angle}°</text>'

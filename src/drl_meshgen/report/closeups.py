@@ -8,7 +8,7 @@ from drl_meshgen.quality import QuadShape
 from drl_meshgen.quality.shape import unit
 from drl_meshgen.report import palette
 
-_SIDE, _ZOOM, _RINGS = 240, 2.6, 4
+_SIDE, _ZOOM, _RINGS = 240, 2.6, 6
 
 
 def draw_quad(mesh: QuadMesh, shape: QuadShape, quad: int) -> str:

@@ -111,7 +111,8 @@ class Scene:
     def nodes(self, points: Float[np.ndarray, "n 3"], colour: str, thickness: float = 1.3) -> None:
         """Add balls; thickness in units of `radius`."""
         if len(points):
-            ball = self._pv.Sphere(radius=thickness * self.radius, theta_resolution=20, phi_resolution=20)
+            fine = 20 if len(points) < 200 else 10
+            ball = self._pv.Sphere(radius=thickness * self.radius, theta_resolution=fine, phi_resolution=fine)
             self._plotter.add_mesh(
                 self._pv.PolyData(np.asarray(points)).glyph(geom=ball, scale=False, orient=False),
                 color=colour,

@@ -163,12 +163,12 @@ def worst_table(run: ModelRun, shape: QuadShape, count: int) -> pd.DataFrame:
 
 
 def best_rows(rows: Sequence[Row], column: Column) -> list[bool]:
-    """Return for each row whether it has the best figure of a column, among rows that are whole and valid.
+    """Return for each row whether it has the best figure of a column, among whole and valid meshes without defects.
 
     No row is marked where fewer than two compete or all are equal.
     """
     sign = {"high": 1.0, "low": -1.0, "": np.nan}[column.better]
-    fair = [bool(row["ok"]) and float(row["validity"]) == 1 for row in rows]
+    fair = [bool(row["ok"]) and not row["defects"] and float(row["validity"]) == 1 for row in rows]
     values = np.array([sign * float(row[column.key]) if f else np.nan for row, f in zip(rows, fair, strict=True)])
     there = np.isfinite(values)
     if not there.any() or np.ptp(values[there]) == 0:
