@@ -14,7 +14,8 @@ from prefect.states import Completed, Failed
 from drl_meshgen.commands.output import can_draw, folder_names
 from drl_meshgen.pipeline import COMPARED_STAGES, STAGES, MeshOptions, ModelOptions
 from drl_meshgen.quality import Quality, gate
-from drl_meshgen.store import ArtifactRef, Store, reopen
+from drl_meshgen.report import OURS, slug
+from drl_meshgen.store import ArtifactRef, Execution, Store, reopen
 from flows import dashboard
 from flows.chain import BELOW_GATE, FINE, Outcome, exit_code, run_chain
 from flows.server import ServerError, connected
@@ -41,7 +42,7 @@ def _run_name() -> str:
     return "mesh " + (" ".join(names) if len(names) <= 4 else f"{names[0]} and {len(names) - 1} more")
 
 
-def _row(outcome: Outcome, metrics: Mapping[str, float]) -> dict[str, Any]:
+def _row(outcome: Outcome, metrics: Mapping[str, Any]) -> dict[str, Any]:
     """Return a row of the dashboard's table; JSON has no NaN."""
     figures = {name: round(value, 4) if math.isfinite(value) else None for name, value in metrics.items()}
     return {"surface": outcome.surface, "remark": outcome.failure, **figures}
@@ -71,12 +72,29 @@ def _report(outcomes: Sequence[Outcome], store: Store) -> ArtifactRef | None:
     return ArtifactRef.from_json(report_task(refs, str(store.root)))
 
 
-def _publish(outcomes: Sequence[Outcome], metrics: Sequence[Mapping[str, float]], pictures: Path | None) -> None:
+def _methods(done: Execution) -> dashboard.Methods:
+    """Return the figures of our mesh and of the rivals, where any ran."""
+    ours = {OURS: done["quality"].metrics}
+    if "comparison" not in done.refs:
+        return ours
+    return ours | {str(row["method"]): row for row in done["comparison"].rows.to_dict("records")}
+
+
+def _pictures(surface: str, methods: dashboard.Methods, folder: Path) -> dict[str, Path]:
+    """Return the pictures of our blocks and of the first rival that has one, by caption."""
+    ours, *rivals = methods
+    place = folder / slug(surface)
+    beside = {name: place / f"{slug(f'mesh {name}')}.png" for name in rivals}
+    there = [(name, path) for name, path in beside.items() if path.exists()]
+    return {ours: place / "blocks.png", **dict(there[:1])}
+
+
+def _publish(outcomes: Sequence[Outcome], methods: Sequence[dashboard.Methods], pictures: Path | None) -> None:
     """Show every surface and the table of all in the dashboard; `pictures` has a folder per surface."""
-    for outcome, figures in zip(outcomes, metrics, strict=True):
-        picture = None if pictures is None else pictures / dashboard.slug(outcome.surface) / "blocks.png"
-        dashboard.show_surface(outcome, figures, picture if picture is not None and picture.exists() else None)
-    dashboard.show_table([_row(outcome, figures) for outcome, figures in zip(outcomes, metrics, strict=True)])
+    for outcome, known in zip(outcomes, methods, strict=True):
+        shown = _pictures(outcome.surface, known, pictures) if known and pictures is not None else {}
+        dashboard.show_surface(outcome, known, shown)
+    dashboard.show_table([_row(o, known.get(OURS, {})) for o, known in zip(outcomes, methods, strict=True)])
 
 
 @flow(name="mesh", flow_run_name=_run_name, description=__doc__)
@@ -101,23 +119,23 @@ def mesh(
     stages = COMPARED_STAGES if compare else STAGES
     tasks = {stage.name: TASKS[stage.name] for stage in stages}
     outcomes: list[Outcome] = []
-    metrics: list[Mapping[str, float]] = []
+    methods: list[dashboard.Methods] = []
     for source, name in zip(surfaces, folder_names(surfaces), strict=True):
         given = options.by_stage(source, triangles, compare=compare)
         complete = {stage.name: given.get(stage.name, stage.options()) for stage in stages}
         outcome = run_chain(tasks, name, complete, str(place.root))
-        figures: Mapping[str, float] = {}
+        known: dashboard.Methods = {}
         if _meshed(outcome):
-            measured = reopen(STAGES, outcome.refs, place)["quality"]
-            outcome, figures = _judged(outcome, measured), measured.metrics
+            done = reopen(stages, outcome.refs, place)
+            outcome, known = _judged(outcome, done["quality"]), _methods(done)
         outcomes.append(outcome)
-        metrics.append(figures)
+        methods.append(known)
     made = _report(outcomes, place)
     if made is None:
-        _publish(outcomes, metrics, None)
+        _publish(outcomes, methods, None)
     else:
         with place.folder(made) as folder:
-            _publish(outcomes, metrics, folder / "pictures")
+            _publish(outcomes, methods, folder / "pictures")
         if report is not None:
             place.export(made, Path(report))
     failures = [outcome.failure for outcome in outcomes if not _meshed(outcome)]

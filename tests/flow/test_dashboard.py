@@ -30,6 +30,13 @@ def test_a_thumbnail_is_small_and_keeps_its_proportions(tmp_path):
     assert Image.open(io.BytesIO(base64.b64decode(content))).size == (480, 360)
 
 
+def test_two_pictures_share_a_thumbnail(tmp_path):
+    for name, size in (("a.png", (100, 400)), ("b.png", (300, 300))):
+        Image.new("RGB", size).save(tmp_path / name)
+    content = base64.b64decode(thumbnail(tmp_path / "a.png", tmp_path / "b.png").partition(",")[2])
+    assert Image.open(io.BytesIO(content)).size == (100 + 240, 400)
+
+
 def test_every_deployment_names_a_flow_that_exists_with_parameters_it_takes():
     deployments = yaml.safe_load((ROOT / "prefect.yaml").read_text())["deployments"]
     assert deployments

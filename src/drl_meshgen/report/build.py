@@ -37,7 +37,8 @@ class ReportOptions:
     """What the verdict was judged by, in words."""
 
 
-def _slug(name: str) -> str:
+def slug(name: str) -> str:
+    """Return a name of a model, method or picture as it stands in file names."""
     return "".join(c if c.isalnum() else "-" for c in name.lower()).strip("-")
 
 
@@ -58,7 +59,7 @@ def _draw(run: ModelRun, shape: QuadShape, worst: pd.DataFrame, folder: Path, si
     }
     for method, mesh in run.rivals.items():
         drawn["mesh " + method] = pictures.draw_mesh(mesh, view, run.rival_triangles.get(method), long_side=size)
-    paths = {name: folder / f"{_slug(name)}.png" for name in drawn}
+    paths = {name: folder / f"{slug(name)}.png" for name in drawn}
     for name, image in drawn.items():
         pictures.write_png(paths[name], image)
     for rank, quad in enumerate(worst["quad"]):
@@ -143,7 +144,7 @@ def _model(name: str, rows: dict[str, list[tables.Row]], shown: dict[str, str]) 
     ]
     return {
         "name": name,
-        "id": _slug(name),
+        "id": slug(name),
         "ours": ours,
         "strip": [(tables.BY_KEY[key], ours["figures"][key]["text"]) for key in _STRIP],
         "methods": methods,
@@ -175,7 +176,7 @@ def build_report(runs: Sequence[ModelRun], folder: Path | str, options: ReportOp
     rows = {name: tables.by_model(table) for name, table in read.items()}
     models = []
     for run, shape, bad in zip(runs, shapes, worst, strict=True):
-        shown = _draw(run, shape, bad, folder / "pictures" / _slug(run.name), options.picture_size)
+        shown = _draw(run, shape, bad, folder / "pictures" / slug(run.name), options.picture_size)
         models.append(_model(run.name, {name: found[run.name] for name, found in rows.items()}, shown))
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent),
