@@ -88,9 +88,10 @@ def optimise(
         if final.invalid:
             state = search_all(space, referee, (state, unfinished))
             final = record.restart("search", state)
-        mended = repair(space, energy, referee, state, options.repair_rings + k)
-        if mended is state:
+        if not referee.bad(state).any():
             break
+        # what did not help in small surroundings may in larger ones
+        mended = repair(space, energy, referee, state, options.repair_rings + k)
         record.judge(f"repair {k + 1}", mended)
         final = referee.figures(record.state, exact=True)
     state = record.state

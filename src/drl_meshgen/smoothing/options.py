@@ -46,9 +46,9 @@ class SmoothingOptions:
     """Edge-adjacent quads whose areas differ by more than this factor are repaired as well."""
     unfold_rounds: int = 3
     """Most rounds of untangling, in growing patches, each time folded quads are looked for."""
-    repair_rings: int = 3
+    repair_rings: int = 4
     """Rings of quads around a bad one that move in its repair."""
-    repair_rounds: int = 3
+    repair_rounds: int = 4
     """Most rounds of repair."""
     repair_steps: int = 12
     """Most Gauss-Newton steps of each round of repair."""

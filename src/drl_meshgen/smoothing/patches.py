@@ -90,10 +90,7 @@ def repair(
 ) -> NodeState:
     """Optimise the surroundings of quads beyond the repair limits, with hinge penalties and the rest frozen."""
     options, mesh = whole.options, space.mesh
-    bad = referee.bad(state)
-    if not bad.any():
-        return state
-    patch = patch_around(mesh, bad, rings, whole)
+    patch = patch_around(mesh, referee.bad(state), rings, whole)
     reach = reach_of(mesh, state.points, options.step_limit)
     local = patch.energy.with_hinge(options.repair_hinge)
     tried = minimise(space, local, space.freeze(state, patch.moving), reach, steps=options.repair_steps)
