@@ -52,18 +52,21 @@ def test_every_quad_of_the_fills_is_there_once(run):
     fills = run["subdomain"]
     rings = sum((fill.chart.shape[0] - 1) * fill.chart.shape[1] for fill in fills.rings)
     caps = sum(len(f.first) * f.layers + (f.core.shape[0] - 1) * (f.core.shape[1] - 1) for f in fills.caps)
+    strips = sum((fill.chart.shape[0] - 1) * (fill.chart.shape[1] - 1) for fill in fills.strips)
     q = run["lift"].mesh.mesh.quads
-    assert len(q) == rings + caps
+    assert len(q) == rings + caps + strips
     assert len(np.unique(np.sort(q, axis=1), axis=0)) == len(q)
 
 
-def test_irregular_nodes_are_four_per_cap_and_the_nodes_of_the_spines(run):
+def test_irregular_nodes_are_four_per_cap_the_nodes_of_spines_and_the_inner_corners_of_strips(run):
     mesh = run["lift"].mesh.mesh
     valence = mesh.topology.valence[mesh.irregular]
-    pieces = run["decompose"].pieces
+    pieces, curves = run["decompose"].pieces, run["partition"].curves
     expected = [3] * (4 * len(pieces.caps))
     for junction in pieces.junctions:
-        expected += (2 * junction.spine.degrees).tolist()
+        if not junction.strips:
+            expected += (2 * junction.spine.degrees).tolist()
+        expected += [5 for rim in junction.rims for _ in rim.sides if not curves[rim.curve].is_boundary]
     assert sorted(valence.tolist()) == sorted(expected)
 
 
@@ -96,6 +99,9 @@ def test_pieces_put_their_shared_nodes_in_the_same_place(run):
         check(
             k, start[cap.curve] + fill.first, fill.chart[: len(fill.first)], 0.3
         )  # nodes on the circle, the chart's rim is a polygon
+        k += 1
+    for _ in layout.pieces.strips:
+        assert (assembly.piece == k).any()
         k += 1
     assert assembly.piece.min() >= 0
     assert assembly.piece.max() == k - 1

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drl_meshgen.assembly.align import LEAST_GAP, Columns, LoopMap, align, best_shift, loop_map, spread
+from drl_meshgen.assembly.align import Columns, LoopMap, align, best_shift, loop_map
+from drl_meshgen.decompose.cells import LEAST_GAP, spread
 from tests.chains import SURFACES, chain
 
 FEW = settings(max_examples=40, deadline=None, derandomize=True)

@@ -11,10 +11,15 @@ import pyvista as pv
 from drl_meshgen.codecs.files import read_grid, write_blocks, write_grid
 from drl_meshgen.models.surface import RawSurface
 from drl_meshgen.pipeline import STAGES, MeshOptions
+from tests.chains import grid
 from tests.standins import hemisphere_ogrid
 from tests.strategies import flat_disk, limbed_disk
 
-SHAPES = {"disk without a contour": lambda: flat_disk(5000), "two limbs": lambda: limbed_disk(5000, 2, 2.5, seed=1)}
+SHAPES = {
+    "disk without a contour": lambda: flat_disk(5000),
+    "two limbs": lambda: limbed_disk(5000, 2, 2.5, seed=1),
+    "plate opened by strips": lambda: grid(60, 45, holes=3),
+}
 
 
 def differences(one, two, where):

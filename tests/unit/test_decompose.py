@@ -22,7 +22,7 @@ def test_every_region_becomes_one_piece(run):
     assert len(pieces.junctions) == kinds.count(RegionKind.JUNCTION)
     assert len(pieces.tubes) == kinds.count(RegionKind.TUBE)
     assert len(pieces.caps) == kinds.count(RegionKind.CAP)
-    area = sum(ring.mesh.area for ring in pieces.rings) + sum(cap.mesh.area for cap in pieces.caps)
+    area = sum(ring.mesh.area for ring in pieces.rings) + sum(disk.mesh.area for disk in (*pieces.caps, *pieces.strips))
     assert area == pytest.approx(run["cleanup"].surface.area, rel=1e-9)
 
 
@@ -58,10 +58,11 @@ def test_rings_start_at_their_curve_and_their_origin_is_on_it(run):
         assert set(cap.origin[cap.loop].tolist()) == set(parts.curves[cap.curve].vertices.tolist())
 
 
-def test_the_prediction_counts_rings_exactly(run):
+def test_the_prediction_counts_rings_and_strips_exactly(run):
     layout = run["decompose"]
-    rings = run["subdomain"].rings
-    exact = sum((len(fill.chart) - 1) * fill.chart.shape[1] for fill in rings)
+    fills = run["subdomain"]
+    exact = sum((len(fill.chart) - 1) * fill.chart.shape[1] for fill in fills.rings)
+    exact += sum((len(fill.chart) - 1) * (fill.chart.shape[1] - 1) for fill in fills.strips)
     alone = replace(layout, pieces=replace(layout.pieces, caps=()))
     assert predicted_quads(alone) == exact
 

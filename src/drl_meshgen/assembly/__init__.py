@@ -1,6 +1,6 @@
 """Subdomains filled in their charts and assembled into one block mesh."""
 
 from drl_meshgen.assembly.assemble import Assembly, assemble
-from drl_meshgen.assembly.subdomains import CapFill, RingFill, Subdomains, fill
+from drl_meshgen.assembly.subdomains import CapFill, RingFill, StripFill, Subdomains, fill
 
-__all__ = ["Assembly", "CapFill", "RingFill", "Subdomains", "assemble", "fill"]
+__all__ = ["Assembly", "CapFill", "RingFill", "StripFill", "Subdomains", "assemble", "fill"]

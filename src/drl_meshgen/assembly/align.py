@@ -6,11 +6,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from drl_meshgen.decompose import Layout
-from drl_meshgen.decompose.cells import Cell, Ring
+from drl_meshgen.decompose.cells import Cell, Ring, spread
+from drl_meshgen.decompose.junction import Rim
 from drl_meshgen.partition import Curve, Partition
-
-#: Neighbouring nodes of a curve start at least this share of the mean spacing apart.
-LEAST_GAP = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,17 +67,6 @@ def loop_map(ring: Ring, loop: Int[np.ndarray, " n"], curve: Curve) -> LoopMap:
     return LoopMap(np.r_[theta, theta[0] + 1], position if forward else -position)
 
 
-def spread(theta: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Blend increasing angles of period 1 with equal spacing, just enough to keep `LEAST_GAP` between neighbours."""
-    n = len(theta)
-    gap = np.diff(np.r_[theta, theta[0] + 1])
-    uniform = np.arange(n) / n
-    uniform = uniform + (theta - uniform).mean()
-    tight = gap.min() * n
-    share = 0.0 if tight >= LEAST_GAP else (LEAST_GAP - tight) / (1 - tight)
-    return (1 - share) * theta + share * uniform
-
-
 def best_shift(wanted: Float[np.ndarray, " n"], given: Float[np.ndarray, " n"]) -> tuple[int, float]:
     """Cyclic shift `m` and whole turns `w` that bring `given[j + m] + w` closest to `wanted[j]`, both of period 1."""
     n = len(wanted)
@@ -91,42 +78,31 @@ def best_shift(wanted: Float[np.ndarray, " n"], given: Float[np.ndarray, " n"]) 
     return m, float(-turns[m])
 
 
-def outer_theta(cell: Cell, counts: Int[np.ndarray, " e"]) -> Float[np.ndarray, " n"]:
-    """Theta of the nodes along the outer loop of `cell`, from its first side on, equally spaced on every spine edge."""
-    ring = cell.ring
-    theta = ring.unwrapped(ring.outer)
-    closed = np.r_[theta, theta[0] + 1]
-    vertices = np.r_[ring.outer, ring.outer[0]]
-    bounds = np.r_[cell.starts, cell.starts[0] + len(ring.outer)]
-    out = []
-    for (edge, _), a, b in zip(cell.sides, bounds, bounds[1:], strict=False):
-        span = np.arange(a, b + 1)
-        angle = closed[span % len(ring.outer)] + span // len(ring.outer)
-        p = ring.mesh.vertices[vertices[span % len(ring.outer)]]
-        length = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))]
-        out.append(np.interp(np.linspace(0, length[-1], counts[edge] + 1)[:-1], length, angle))
-    return np.concatenate(out)
-
-
 @dataclass(frozen=True, eq=False)
 class Alignment:
     """Node positions of every curve (share of its length) and the columns of every ring.
 
-    `cells[j][l]` are the columns at the loop and the theta of the outer nodes; `tubes[t]` those at both curves.
+    `cells[j][l]` are the columns at the loop and the theta of the outer nodes; `tubes[t]` those at both curves;
+    `rims[j][l]` the node of the curve that each node around a rim is.
     """
 
     positions: tuple[Float[np.ndarray, " n"], ...]
     cells: tuple[tuple[tuple[Columns, Float[np.ndarray, " n"]], ...], ...]
     tubes: tuple[tuple[Columns, Columns], ...]
+    rims: tuple[tuple[Int[np.ndarray, " n"], ...], ...]
 
 
 def align(partition: Partition, layout: Layout) -> Alignment:
-    """Place the nodes of all curves: natural positions of the cells first, carried on through tubes."""
+    """Place the nodes of all curves: those of rims and the natural ones of cells first, carried on through tubes."""
     curves = partition.curves
     positions: list[np.ndarray | None] = [None] * len(curves)
+    rims = [
+        tuple(_align_rim(rim, rim.natural(counts), positions) for rim in junction.rims)
+        for junction, counts in zip(layout.pieces.junctions, layout.edge_counts, strict=True)
+    ]
     cell_columns = [
         tuple(
-            _align_cell(curves[c], cell, outer_theta(cell, counts), positions, c)
+            _align_cell(curves[c], cell, cell.outer_theta(counts), positions, c)
             for c, cell in zip(junction.curves, junction.cells, strict=True)
         )
         for junction, counts in zip(layout.pieces.junctions, layout.edge_counts, strict=True)
@@ -144,12 +120,26 @@ def align(partition: Partition, layout: Layout) -> Alignment:
         for k in ready:
             tubes[k] = _align_tube(layout, curves, positions, k)
     return Alignment(
-        tuple(p for p in positions if p is not None), tuple(cell_columns), tuple(t for t in tubes if t is not None)
+        tuple(p for p in positions if p is not None),
+        tuple(cell_columns),
+        tuple(t for t in tubes if t is not None),
+        tuple(rims),
     )
 
 
 def _placed(layout: Layout, positions: list[np.ndarray | None], tube: int) -> bool:
     return any(positions[c] is not None for c in layout.pieces.tubes[tube].curves)
+
+
+def _align_rim(rim: Rim, natural: Float[np.ndarray, " n"], positions: list[np.ndarray | None]) -> Int[np.ndarray, " n"]:
+    n, direction = len(natural), 1 if natural[1] > natural[0] else -1
+    order = np.arange(n) if direction > 0 else -np.arange(n) % n
+    held = positions[rim.curve]
+    if held is None:
+        positions[rim.curve] = _rising(natural[order])
+        return order
+    shift, _ = best_shift(direction * natural, _rising(direction * held[order]))
+    return order[(np.arange(n) + shift) % n]
 
 
 def _align_cell(

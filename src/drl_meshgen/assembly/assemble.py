@@ -6,15 +6,16 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from drl_meshgen.assembly.blocks import Annulus, blocks
-from drl_meshgen.assembly.subdomains import Subdomains
-from drl_meshgen.decompose import Layout
+from drl_meshgen.assembly.subdomains import StripFill, Subdomains
+from drl_meshgen.decompose import Junction, Layout
 
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
     """Block grids over node ids, and where each node lies: in the chart of one of the pieces that share it.
 
-    `piece (n,)` counts rings in the order of `Pieces.rings`, then caps; `chart (n, 2)` is `(theta, h)` or `(x, y)`.
+    `piece (n,)` counts rings in the order of `Pieces.rings`, then caps, then strips; `chart (n, 2)` is `(theta, h)` on
+    rings and `(x, y)` elsewhere.
     """
 
     grids: tuple[Int[np.ndarray, "ni1 nj1"], ...]
@@ -45,13 +46,10 @@ def assemble(layout: Layout, subdomains: Subdomains) -> Assembly:
     nodes = _Nodes()
     curves = [nodes.new(int(n)) for n in layout.curve_counts]
     annuli: list[Annulus] = []
-    fills = iter(subdomains.rings)
+    fills, strip_fills, rims = iter(subdomains.rings), iter(subdomains.strips), iter(subdomains.rims)
+    patches = []
     for junction, counts in zip(layout.pieces.junctions, layout.edge_counts, strict=True):
-        ends = nodes.new(len(junction.spine.nodes))
-        edges = [
-            np.r_[ends[a], nodes.new(int(n) - 1), ends[b]]
-            for (a, b), n in zip(junction.spine.ends, counts, strict=True)
-        ]
+        edges = _edge_nodes(junction, counts, nodes, curves, [next(rims) for _ in junction.rims])
         for c, cell in zip(junction.curves, junction.cells, strict=True):
             one = next(fills)
             sides = [edges[e] if forward else edges[e][::-1] for e, forward in cell.sides]
@@ -59,6 +57,7 @@ def assemble(layout: Layout, subdomains: Subdomains) -> Assembly:
             inner = nodes.new((len(one.chart) - 2) * len(outer)).reshape(-1, len(outer))
             ids = np.vstack([curves[c][one.first], inner, outer])
             annuli.append(Annulus(ids, c, -1, _feet(sides), is_cell=True))
+        patches += [_patch([edges[e] for e in strip.sides], next(strip_fills), nodes) for strip in junction.strips]
     for tube in layout.pieces.tubes:
         one = next(fills)
         a, b = tube.curves
@@ -74,9 +73,46 @@ def assemble(layout: Layout, subdomains: Subdomains) -> Assembly:
     piece, chart = nodes.arrays()
     placements = [(a.ids.ravel(), f.chart.reshape(-1, 2)) for a, f in zip(annuli, subdomains.rings, strict=False)]
     placements += [(ids, one.chart) for ids, one in zip(cap_ids, subdomains.caps, strict=True)]
-    for k, (ids, where) in reversed(list(enumerate(placements))):
+    others = len(placements)
+    placements += [(ids.ravel(), one.chart.reshape(-1, 2)) for ids, one in zip(patches, subdomains.strips, strict=True)]
+    # the first ring or cap says where a node is, but a strip before all: charts of rings are singular at its corners
+    for k in (*reversed(range(others)), *range(others, len(placements))):
+        ids, where = placements[k]
         piece[ids], chart[ids] = k, where
-    return Assembly((*cores, *blocks(annuli)), piece, chart)
+    return Assembly((*cores, *patches, *blocks(annuli)), piece, chart)
+
+
+def _edge_nodes(
+    junction: Junction,
+    counts: Int[np.ndarray, " e"],
+    nodes: _Nodes,
+    curves: list[Int[np.ndarray, " n"]],
+    rims: list[Int[np.ndarray, " n"]],
+) -> list[Int[np.ndarray, " k"]]:
+    """Nodes along each edge of the junction's graph: those of curves on rims, new ones elsewhere."""
+    edges: list[np.ndarray] = [np.empty(0, np.int64)] * len(counts)
+    ends = np.full(len(junction.spine.nodes), -1)
+    for rim, order in zip(junction.rims, rims, strict=True):
+        around, start = curves[rim.curve][order], 0
+        for e in rim.sides:
+            edges[e] = around[np.arange(start, start + counts[e] + 1) % len(around)]
+            ends[junction.spine.ends[e][0]] = edges[e][0]
+            start += int(counts[e])
+    free = ends < 0
+    ends[free] = nodes.new(int(free.sum()))
+    for e, (a, b) in enumerate(junction.spine.ends):
+        if not len(edges[e]):
+            edges[e] = np.r_[ends[a], nodes.new(int(counts[e]) - 1), ends[b]]
+    return edges
+
+
+def _patch(sides: list[Int[np.ndarray, " k"]], fill: StripFill, nodes: _Nodes) -> Int[np.ndarray, "w1 l1"]:
+    """Nodes of a strip between its four sides, which run anti-clockwise from the corner `[0, 0]`."""
+    ids = np.empty(fill.chart.shape[:2], np.int64)
+    inner = ids[1:-1, 1:-1]
+    inner[:] = nodes.new(inner.size).reshape(inner.shape)
+    ids[:, 0], ids[-1], ids[:, -1], ids[0] = sides[0], sides[1], sides[2][::-1], sides[3][::-1]
+    return ids
 
 
 def _feet(sides: list[np.ndarray]) -> tuple[int, ...]:

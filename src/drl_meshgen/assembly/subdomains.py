@@ -44,11 +44,23 @@ class CapFill:
 
 
 @dataclass(frozen=True, eq=False)
+class StripFill:
+    """Nodes of a strip in its unit square, `(width + 1, length + 1, 2)`; the first index runs along the mouths."""
+
+    chart: Float[np.ndarray, "w1 l1 2"]
+
+
+@dataclass(frozen=True, eq=False)
 class Subdomains:
-    """Fills of all rings (in the order of `Pieces.rings`) and caps, and one row per cap: template and parameters."""
+    """Fills of all rings (in the order of `Pieces.rings`), caps and strips, and one row per cap: its template.
+
+    `rims` has one array per rim, junction after junction: the index on its curve of each node around it.
+    """
 
     rings: tuple[RingFill, ...]
     caps: tuple[CapFill, ...]
+    strips: tuple[StripFill, ...]
+    rims: tuple[Int[np.ndarray, " n"], ...]
     templates: pd.DataFrame
 
 
@@ -67,7 +79,16 @@ def fill(partition: Partition, layout: Layout, policy: Policy | None = None) -> 
         caps.append(one)
         rows.append({"cap": len(rows), "curve": cap.curve, **row})
     columns = ["cap", "curve", "template", "i0", "m", "n", "layers", "grading", "outcome"]
-    return Subdomains(rings, tuple(caps), pd.DataFrame(rows, columns=columns))
+    rims = tuple(rim for one in placed.rims for rim in one)
+    return Subdomains(rings, tuple(caps), _strip_fills(layout), rims, pd.DataFrame(rows, columns=columns))
+
+
+def _strip_fills(layout: Layout) -> tuple[StripFill, ...]:
+    return tuple(
+        StripFill(strip.nodes(counts))
+        for junction, counts in zip(layout.pieces.junctions, layout.edge_counts, strict=True)
+        for strip in junction.strips
+    )
 
 
 def _ring_fills(layout: Layout, placed: Alignment) -> tuple[RingFill, ...]:

@@ -1,9 +1,10 @@
 """Files of the decomposition stage.
 
-`pieces.vtu`: the meshes of all rings, then caps, with cell arrays `piece`, `theta_corner` and point arrays `piece`,
-`origin` and `chart`, which is `(theta, h)` on rings and `(x, y)` on caps. `spine.vtu`: one polyline per spine edge with
-cell arrays `junction`, `edge`, `ends`, `count` (absent where no junction is). `rings.parquet`, `caps.parquet`,
-`junctions.parquet`, `curves.parquet`: loops, sides and counts.
+`pieces.vtu`: the meshes of all rings, then caps, then strips, with cell arrays `piece`, `theta_corner` and point arrays
+`piece`, `origin` and `chart`, which is `(theta, h)` on rings and `(x, y)` elsewhere. `spine.vtu`: one polyline per edge
+of a junction's graph with cell arrays `junction`, `edge`, `ends`, `count` (absent where no junction is).
+`rings.parquet`, `caps.parquet`, `strips.parquet`, `rims.parquet`, `junctions.parquet`, `curves.parquet`: loops, sides
+and counts.
 """
 
 from pathlib import Path
@@ -26,7 +27,9 @@ from drl_meshgen.codecs.files import (
 )
 from drl_meshgen.decompose import Cap, Junction, Layout, Pieces, Tube
 from drl_meshgen.decompose.cells import Cell, Ring
+from drl_meshgen.decompose.junction import Rim
 from drl_meshgen.decompose.spine import Spine
+from drl_meshgen.decompose.strips import Strip
 from drl_meshgen.export import read_table
 from drl_meshgen.lift.harmonic import RingChart
 from drl_meshgen.mesh import TriMesh
@@ -48,20 +51,22 @@ def write(layout: Layout, folder: Path) -> None:
 
 
 def _write_pieces(pieces: Pieces, path: Path) -> None:
-    rings, caps = pieces.rings, pieces.caps
-    meshes = [*(ring.mesh for ring in rings), *(cap.mesh for cap in caps)]
+    rings, caps, strips = pieces.rings, pieces.caps, pieces.strips
+    flat = [*caps, *strips]
+    meshes = [*(ring.mesh for ring in rings), *(disk.mesh for disk in flat)]
     sizes = [len(mesh.vertices) for mesh in meshes]
     offsets = np.cumsum([0, *sizes[:-1]])
     number = np.arange(len(meshes))
-    charts = [*(np.c_[ring.chart.theta, ring.chart.h] for ring in rings), *(cap.plane for cap in caps)]
-    corners = [*(ring.chart.theta_corner for ring in rings), *(np.zeros(cap.mesh.triangles.shape) for cap in caps)]
+    origins = [*(piece.origin for piece in (*rings, *caps)), *(np.full(len(s.mesh.vertices), -1) for s in strips)]
+    charts = [*(np.c_[ring.chart.theta, ring.chart.h] for ring in rings), *(disk.plane for disk in flat)]
+    corners = [*(ring.chart.theta_corner for ring in rings), *(np.zeros(disk.mesh.triangles.shape) for disk in flat)]
     write_grid(
         path,
         np.concatenate([mesh.vertices for mesh in meshes]),
         np.concatenate([mesh.triangles + offset for mesh, offset in zip(meshes, offsets, strict=True)]),
         {
             "piece": np.repeat(number, sizes),
-            "origin": np.concatenate([*(ring.origin for ring in rings), *(cap.origin for cap in caps)]),
+            "origin": np.concatenate(origins),
             "chart": np.concatenate(charts),
         },
         {
@@ -102,6 +107,16 @@ def _write_junctions(layout: Layout, folder: Path) -> None:
         mesh_edges=[len(spine.edge_flags) for spine in spines],
         on_spine=[np.nonzero(spine.edge_flags)[0] for spine in spines],
     )
+    strips = [(j, strip) for j, junction in enumerate(junctions) for strip in junction.strips]
+    write_rows(folder / "strips.parquet", junction=[j for j, _ in strips], sides=[strip.sides for _, strip in strips])
+    rims = [(j, rim) for j, junction in enumerate(junctions) for rim in junction.rims]
+    write_rows(
+        folder / "rims.parquet",
+        junction=[j for j, _ in rims],
+        curve=[rim.curve for _, rim in rims],
+        sides=[rim.sides for _, rim in rims],
+        corners=[rim.corners for _, rim in rims],
+    )
     if not junctions:
         return
     sizes = [len(junction.points) for junction in junctions]
@@ -124,7 +139,7 @@ def _write_junctions(layout: Layout, folder: Path) -> None:
 def read(folder: Path) -> Layout:
     """Read all pieces, the spines and the counts."""
     rows = read_rows(folder / "rings.parquet")
-    rings, caps = _read_pieces(folder, rows)
+    rings, caps, strips = _read_pieces(folder, rows)
     cells: dict[int, list[Cell]] = {}
     counts: dict[int, list[int]] = {}
     tubes, tube_rows = [], []
@@ -137,7 +152,7 @@ def read(folder: Path) -> Layout:
             sides = zip(integers(row.sides).tolist(), (bool(f) for f in row.forward), strict=True)
             cells.setdefault(row.junction, []).append(Cell(ring, tuple(sides), integers(row.starts)))
             counts.setdefault(row.junction, []).append(row.rows)
-    junctions, edge_counts = _read_junctions(folder, cells)
+    junctions, edge_counts = _read_junctions(folder, cells, strips)
     return Layout(
         Pieces(junctions, tuple(tubes), caps),
         edge_counts,
@@ -148,12 +163,13 @@ def read(folder: Path) -> Layout:
     )
 
 
-def _read_pieces(folder: Path, rows: list[Any]) -> tuple[list[Ring], tuple[Cap, ...]]:
+def _read_pieces(folder: Path, rows: list[Any]) -> tuple[list[Ring], tuple[Cap, ...], list[Strip]]:
     grid = read_grid(folder / "pieces.vtu")
     cap_rows = read_rows(folder / "caps.parquet")
-    pieces = np.arange(len(rows) + len(cap_rows) + 1)
+    strip_rows = read_rows(folder / "strips.parquet")
+    pieces = np.arange(len(rows) + len(cap_rows) + len(strip_rows) + 1)
     vertex, face = np.searchsorted(grid.point["piece"], pieces), np.searchsorted(grid.cell["piece"], pieces)
-    rings, caps = [], []
+    rings, caps, strips = [], [], []
     for k in range(len(pieces) - 1):
         v, f = slice(vertex[k], vertex[k + 1]), slice(face[k], face[k + 1])
         mesh = TriMesh(grid.points[v], grid.cells[f] - vertex[k])
@@ -163,16 +179,27 @@ def _read_pieces(folder: Path, rows: list[Any]) -> tuple[list[Ring], tuple[Cap, 
             theta, h = np.ascontiguousarray(chart.T)
             flat = RingChart(theta, grid.cell["theta_corner"][f], h, row.modulus)
             rings.append(Ring(mesh, origin, integers(row.inner), integers(row.outer), flat))
-        else:
+        elif k < len(rows) + len(cap_rows):
             row = cap_rows[k - len(rows)]
             caps.append(Cap(row.curve, mesh, origin, integers(row.loop), reals(row.share), chart))
-    return rings, tuple(caps)
+        else:
+            row = strip_rows[k - len(rows) - len(cap_rows)]
+            strips.append(Strip(mesh, _four(row.sides), chart))
+    return rings, tuple(caps), strips
 
 
-def _read_junctions(folder: Path, cells: dict[int, list[Cell]]) -> tuple[tuple[Junction, ...], tuple[np.ndarray, ...]]:
+def _four(sides: Any) -> tuple[int, int, int, int]:
+    a, b, c, d = integers(sides).tolist()
+    return a, b, c, d
+
+
+def _read_junctions(
+    folder: Path, cells: dict[int, list[Cell]], strips: list[Strip]
+) -> tuple[tuple[Junction, ...], tuple[np.ndarray, ...]]:
     rows = read_rows(folder / "junctions.parquet")
     if not rows:
         return (), ()
+    strip_rows, rim_rows = read_rows(folder / "strips.parquet"), read_rows(folder / "rims.parquet")
     points, lines, point, line = read_lines(folder / "spine.vtu")
     start = np.searchsorted(point["junction"], np.arange(len(rows) + 1))
     first = np.searchsorted(line["junction"], np.arange(len(rows) + 1))
@@ -185,7 +212,13 @@ def _read_junctions(folder: Path, cells: dict[int, list[Cell]]) -> tuple[tuple[J
         ends = tuple((a, b) for a, b in line["ends"][own].tolist())
         spine = Spine(integers(row.nodes), paths, ends, flags)
         curves = tuple(integers(row.curves).tolist())
-        junctions.append(Junction(points[start[j] : start[j + 1]], spine, curves, tuple(cells[j])))
+        mine = tuple(strip for one, strip in zip(strip_rows, strips, strict=True) if one.junction == j)
+        rims = tuple(
+            Rim(one.curve, tuple(integers(one.sides).tolist()), reals(one.corners))
+            for one in rim_rows
+            if one.junction == j
+        )
+        junctions.append(Junction(points[start[j] : start[j + 1]], spine, curves, tuple(cells[j]), mine, rims))
         counts.append(line["count"][own])
     return tuple(junctions), tuple(counts)
 

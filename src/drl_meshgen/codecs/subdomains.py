@@ -1,8 +1,8 @@
 """Files of the subdomain stage.
 
 `nodes.vtu`: nodes and quads of every piece in its own chart, as (x, y, 0), with the point array `piece` (rings, then
-caps). `rings.parquet`, `caps.parquet`: how their nodes meet the curves. `templates.parquet`: template and parameters of
-each cap.
+caps, then strips). `rings.parquet`, `caps.parquet`, `rims.parquet`: how their nodes meet the curves. `strips.parquet`:
+their sizes. `templates.parquet`: template and parameters of each cap.
 """
 
 from itertools import pairwise
@@ -10,24 +10,27 @@ from pathlib import Path
 
 import numpy as np
 
-from drl_meshgen.assembly import CapFill, RingFill, Subdomains
+from drl_meshgen.assembly import CapFill, RingFill, StripFill, Subdomains
 from drl_meshgen.codecs.files import Codec, integers, read_grid, read_rows, write_blocks, write_rows
 from drl_meshgen.export import read_table, write_table
 
 
 def write(result: Subdomains, folder: Path) -> None:
     """Write the nodes of all pieces."""
-    rings, caps = result.rings, result.caps
+    rings, caps, strips = result.rings, result.caps, result.strips
     charts = [*(ring.chart.reshape(-1, 2) for ring in rings), *(cap.chart for cap in caps)]
+    charts += [strip.chart.reshape(-1, 2) for strip in strips]
     sizes = [len(chart) for chart in charts]
     offsets = np.cumsum([0, *sizes[:-1]]).tolist()
     grids = [
         start + np.arange(ring.chart.shape[0] * ring.chart.shape[1]).reshape(ring.chart.shape[:2])
         for ring, start in zip(rings, offsets, strict=False)
     ]
-    for cap, start in zip(caps, offsets[len(rings) :], strict=True):
+    for cap, start in zip(caps, offsets[len(rings) :], strict=False):
         layers = np.arange(len(cap.first) * (cap.layers + 1)).reshape(-1, len(cap.first))
         grids += [start + np.c_[layers, layers[:, 0]], start + cap.core]
+    for strip, start in zip(strips, offsets[len(rings) + len(caps) :], strict=True):
+        grids.append(start + np.arange(strip.chart.shape[0] * strip.chart.shape[1]).reshape(strip.chart.shape[:2]))
     piece = np.repeat(np.arange(len(charts)), sizes)
     write_blocks(folder / "nodes.vtu", np.concatenate(charts), grids, {"piece": piece})
     write_rows(
@@ -44,6 +47,8 @@ def write(result: Subdomains, folder: Path) -> None:
         core=[cap.core.ravel() for cap in caps],
         core_columns=[cap.core.shape[1] for cap in caps],
     )
+    write_rows(folder / "strips.parquet", columns=[strip.chart.shape[1] for strip in strips])
+    write_rows(folder / "rims.parquet", first=list(result.rims))
     write_table(folder / "templates.parquet", result.templates)
 
 
@@ -51,7 +56,8 @@ def read(folder: Path) -> Subdomains:
     """Read the nodes of all pieces."""
     grid = read_grid(folder / "nodes.vtu")
     ring_rows, cap_rows = read_rows(folder / "rings.parquet"), read_rows(folder / "caps.parquet")
-    start = np.searchsorted(grid.point["piece"], np.arange(len(ring_rows) + len(cap_rows) + 1))
+    strip_rows = read_rows(folder / "strips.parquet")
+    start = np.searchsorted(grid.point["piece"], np.arange(len(ring_rows) + len(cap_rows) + len(strip_rows) + 1))
     charts = [np.ascontiguousarray(grid.points[a:b, :2]) for a, b in pairwise(start)]
     rings = [
         RingFill(chart.reshape(-1, row.columns, 2), integers(row.first), integers(row.last))
@@ -65,9 +71,14 @@ def read(folder: Path) -> Subdomains:
             tuple(integers(row.corners).tolist()),
             row.layers,
         )
-        for row, chart in zip(cap_rows, charts[len(ring_rows) :], strict=True)
+        for row, chart in zip(cap_rows, charts[len(ring_rows) :], strict=False)
     ]
-    return Subdomains(tuple(rings), tuple(caps), read_table(folder / "templates.parquet"))
+    strips = [
+        StripFill(chart.reshape(-1, row.columns, 2))
+        for row, chart in zip(strip_rows, charts[len(ring_rows) + len(cap_rows) :], strict=True)
+    ]
+    rims = tuple(integers(row.first) for row in read_rows(folder / "rims.parquet"))
+    return Subdomains(tuple(rings), tuple(caps), tuple(strips), rims, read_table(folder / "templates.parquet"))
 
 
 SUBDOMAINS = Codec(write, read, __name__)

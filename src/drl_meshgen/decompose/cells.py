@@ -11,6 +11,9 @@ from drl_meshgen.mesh import TriMesh
 from drl_meshgen.mesh.cutgraph import corner_classes
 from drl_meshgen.mesh.topology import Topology
 
+#: Neighbouring nodes of a curve start at least this share of the mean spacing apart.
+LEAST_GAP = 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class Ring:
@@ -52,6 +55,33 @@ class Cell:
         at = self.ring.unwrapped(self.ring.outer)[self.starts]
         return np.diff(np.r_[at, at[0] + 1])
 
+    def outer_theta(self, counts: Int[np.ndarray, " e"]) -> Float[np.ndarray, " n"]:
+        """Theta of nodes along the outer loop, from its first side on, equally spaced on every graph edge."""
+        ring = self.ring
+        theta = ring.unwrapped(ring.outer)
+        closed = np.r_[theta, theta[0] + 1]
+        vertices = np.r_[ring.outer, ring.outer[0]]
+        bounds = np.r_[self.starts, self.starts[0] + len(ring.outer)]
+        out = []
+        for (edge, _), a, b in zip(self.sides, bounds, bounds[1:], strict=False):
+            span = np.arange(a, b + 1)
+            angle = closed[span % len(ring.outer)] + span // len(ring.outer)
+            p = ring.mesh.vertices[vertices[span % len(ring.outer)]]
+            length = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))]
+            out.append(np.interp(np.linspace(0, length[-1], counts[edge] + 1)[:-1], length, angle))
+        return np.concatenate(out)
+
+
+def spread(theta: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Blend increasing angles of period 1 with equal spacing, just enough to keep `LEAST_GAP` between neighbours."""
+    n = len(theta)
+    gap = np.diff(np.r_[theta, theta[0] + 1])
+    uniform = np.arange(n) / n
+    uniform = uniform + (theta - uniform).mean()
+    tight = gap.min() * n
+    share = 0.0 if tight >= LEAST_GAP else (LEAST_GAP - tight) / (1 - tight)
+    return (1 - share) * theta + share * uniform
+
 
 def submesh(mesh: TriMesh, faces: Int[np.ndarray, " f"]) -> tuple[TriMesh, Int[np.ndarray, " v"]]:
     """Return the triangles `faces` as a mesh of their own and the ids of its vertices."""
@@ -73,6 +103,27 @@ def ring_between(mesh: TriMesh, origin: Int[np.ndarray, " v"], inner_vertices: I
     return Ring(mesh, origin, inner, outer, ring_chart(mesh, inner, outer))
 
 
+def opened(mesh: TriMesh, flags: np.ndarray) -> tuple[TriMesh, Int[np.ndarray, " w"], int, Int[np.ndarray, " f"]]:
+    """Open `mesh` along flagged edges: the mesh, old ids of its vertices, number of components, component per face."""
+    classes = corner_classes(mesh.topology, flags)
+    origin = mesh.triangles.ravel()[np.unique(classes, return_index=True)[1]]
+    n, label = Topology(int(classes.max()) + 1, classes).components
+    return TriMesh(mesh.vertices[origin], classes), origin, n, label
+
+
+def sides_along(ring: Ring, graph: Spine) -> tuple[tuple[tuple[int, bool], ...], Int[np.ndarray, " s"]]:
+    """Graph edges along the outer loop of `ring` as (edge, forward), and where on the loop each begins."""
+    start_of: dict[tuple[int, int], tuple[int, bool]] = {}
+    for e, path in enumerate(graph.paths):
+        start_of[int(path[0]), int(path[1])] = (e, True)
+        start_of[int(path[-1]), int(path[-2])] = (e, False)
+    nodes = set(graph.nodes.tolist())
+    rim = ring.origin[ring.outer]
+    begins = [k for k, v in enumerate(rim.tolist()) if v in nodes]
+    sides = tuple(start_of[int(rim[k]), int(rim[(k + 1) % len(rim)])] for k in begins)
+    return sides, np.array(begins, np.int64)
+
+
 def cells(mesh: TriMesh, graph: Spine, loops: tuple[Int[np.ndarray, " n"], ...]) -> tuple[Cell, ...] | None:
     """One cell per loop, in the order of `loops` (vertex ids of `mesh`).
 
@@ -82,33 +133,20 @@ def cells(mesh: TriMesh, graph: Spine, loops: tuple[Int[np.ndarray, " n"], ...])
     on_loop[np.concatenate(loops)] = True
     if not len(graph.nodes) or on_loop[np.concatenate(graph.paths)].any():
         return None
-    classes = corner_classes(mesh.topology, graph.edge_flags)
-    first = np.unique(classes, return_index=True)[1]
-    opened = Topology(int(classes.max()) + 1, classes)
-    origin = mesh.triangles.ravel()[first]
-    n, label = opened.components
+    whole, origin, n, label = opened(mesh, graph.edge_flags)
     if n != len(loops):
         return None
-    start_of: dict[tuple[int, int], tuple[int, bool]] = {}
-    for e, path in enumerate(graph.paths):
-        start_of[int(path[0]), int(path[1])] = (e, True)
-        start_of[int(path[-1]), int(path[-2])] = (e, False)
-    whole = TriMesh(mesh.vertices[origin], classes)
     found: list[Cell | None] = [None] * len(loops)
-    nodes = set(graph.nodes.tolist())
     for c in range(n):
-        faces = np.nonzero(label == c)[0]
-        piece, ids = submesh(whole, faces)
+        piece, ids = submesh(whole, np.nonzero(label == c)[0])
         touching = [k for k, loop in enumerate(loops) if np.isin(origin[ids], loop).any()]
         if len(touching) != 1:
             return None
         ring = ring_between(piece, origin[ids], loops[touching[0]])
         if ring is None:
             return None
-        rim = ring.origin[ring.outer]
-        begins = [k for k, v in enumerate(rim.tolist()) if v in nodes]
-        if not begins:
+        sides, starts = sides_along(ring, graph)
+        if not sides:
             return None
-        sides = tuple(start_of[int(rim[k]), int(rim[(k + 1) % len(rim)])] for k in begins)
-        found[touching[0]] = Cell(ring, sides, np.array(begins, np.int64))
+        found[touching[0]] = Cell(ring, sides, starts)
     return None if any(cell is None for cell in found) else tuple(cell for cell in found if cell is not None)

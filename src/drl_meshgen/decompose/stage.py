@@ -23,8 +23,10 @@ class DecomposeOptions:
     """Powers of a loop's length that its distance is divided by, one candidate spine each (see `nearest_distance`)."""
     spine_weight: float = 1.0
     """How much the spacing along spine edges counts against that around limbs (ratio)."""
+    strips: bool = True
+    """Whether junctions are also opened by strips between their loops (see `strip_graph`)."""
     least_columns: int = 2
-    """Fewest quads along a spine edge (count)."""
+    """Fewest quads along a spine edge, or an edge of a strip (count)."""
     least_rows: int = 2
     """Fewest quads between a spine and a loop (count)."""
     least_cap: int = 8
@@ -33,7 +35,7 @@ class DecomposeOptions:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Pieces with counts: quads along each spine edge (per junction), around each curve, across each cell and tube."""
+    """Pieces with counts: quads along each graph edge (per junction), around each curve, across each cell and tube."""
 
     pieces: Pieces
     edge_counts: tuple[Int[np.ndarray, " e"], ...]
@@ -46,7 +48,7 @@ class Layout:
 def decompose(partition: Partition, options: DecomposeOptions | None = None) -> Layout:
     """Open every junction along its spine and find node counts. Raises `StageError` (see `pieces`, `solve_counts`)."""
     options = options or DecomposeOptions()
-    return with_counts(partition, pieces(partition, options.exponents), options)
+    return with_counts(partition, pieces(partition, options.exponents, strips=options.strips), options)
 
 
 def with_counts(partition: Partition, parts: Pieces, options: DecomposeOptions) -> Layout:
@@ -70,10 +72,11 @@ def with_counts(partition: Partition, parts: Pieces, options: DecomposeOptions) 
 
 
 def predicted_quads(layout: Layout) -> float:
-    """Quads of cells and tubes, and an estimate for the caps."""
+    """Quads of cells, strips and tubes, and an estimate for the caps."""
     total = 0.0
-    for junction, rows in zip(layout.pieces.junctions, layout.cell_rows, strict=True):
+    for junction, counts, rows in zip(layout.pieces.junctions, layout.edge_counts, layout.cell_rows, strict=True):
         total += float((layout.curve_counts[list(junction.curves)] * rows).sum())
+        total += float(sum(counts[strip.sides[0]] * counts[strip.sides[1]] for strip in junction.strips))
     for tube, rows in zip(layout.pieces.tubes, layout.tube_rows, strict=True):
         total += float(layout.curve_counts[tube.curves[0]] * rows)
     return total + sum(_cap_quads(cap, float(layout.curve_counts[cap.curve])) for cap in layout.pieces.caps)
@@ -92,7 +95,7 @@ def _cap_quads(cap: Cap, n: float) -> float:
 class _Sizing:
     """Targets of the count program and what follows from its solution.
 
-    Counts are those of the spine edges, junction by junction, then those of the curves.
+    Counts are those of the graph edges, junction by junction, then those of the curves.
     """
 
     def __init__(self, partition: Partition, parts: Pieces, options: DecomposeOptions) -> None:
@@ -106,11 +109,17 @@ class _Sizing:
         self.least = np.r_[np.full(self.n_edges, options.least_columns), np.full(n_curves, 4)]
         for cap in parts.caps:
             self.least[self.n_edges + cap.curve] = options.least_cap
-        self.sums = tuple(
-            (self.n_edges + curve, tuple(int(self.start[j]) + e for e, _ in cell.sides))
-            for j, junction in enumerate(parts.junctions)
-            for curve, cell in zip(junction.curves, junction.cells, strict=True)
-        )
+        self.sums: list[tuple[int, tuple[int, ...]]] = []
+        self.equal = [(self.n_edges + a, self.n_edges + b) for a, b in (tube.curves for tube in parts.tubes)]
+        self.strips: list[tuple[int, int]] = []
+        for at, junction in zip(self.start.tolist(), parts.junctions, strict=False):
+            around = [(c, [e for e, _ in cell.sides]) for c, cell in zip(junction.curves, junction.cells, strict=True)]
+            around += [(rim.curve, list(rim.sides)) for rim in junction.rims]
+            self.sums += [(self.n_edges + c, tuple(at + e for e in sides)) for c, sides in around]
+            for strip in junction.strips:
+                mouth, side, far, back = (at + e for e in strip.sides)
+                self.equal += [(mouth, far), (side, back)]
+                self.strips.append((mouth, side))
         cells = [
             (c, cell.ring)
             for junction in parts.junctions
@@ -128,8 +137,8 @@ class _Sizing:
             np.maximum(self.length / spacing, 0.5),
             self.weight / spacing,
             self.least,
-            self.sums,
-            tuple((n + a, n + b) for a, b in (tube.curves for tube in self.parts.tubes)),
+            tuple(self.sums),
+            tuple(self.equal),
             tuple(n + cap.curve for cap in self.parts.caps),
         )
 
@@ -141,7 +150,8 @@ class _Sizing:
     def quads(self, counts: np.ndarray, spacing: float) -> float:
         around = counts[self.n_edges :]
         caps = sum(_cap_quads(cap, float(around[cap.curve])) for cap in self.parts.caps)
-        return float((around[self.ring_curve] * self.rows(counts, spacing)).sum()) + caps
+        strips = sum(float(counts[mouth] * counts[side]) for mouth, side in self.strips)
+        return float((around[self.ring_curve] * self.rows(counts, spacing)).sum()) + strips + caps
 
     def layout(self, spacing: float) -> Layout:
         counts = solve_counts(self.problem(spacing)).astype(np.int64)

@@ -23,10 +23,11 @@ class LiftedMesh:
 def inverse_map(surface: TriMesh, layout: Layout, assembly: Assembly) -> LiftedMesh:
     """Map every node from the chart that holds it to the surface (piecewise linear, by barycentric coordinates)."""
     points = np.empty((len(assembly.piece), 3))
-    rings, caps = layout.pieces.rings, layout.pieces.caps
+    pieces = layout.pieces
+    total = len(pieces.rings) + len(pieces.caps) + len(pieces.strips)
     order = np.argsort(assembly.piece, kind="stable")
-    bounds = np.searchsorted(assembly.piece[order], np.arange(len(rings) + len(caps) + 1))
-    for k in range(len(rings) + len(caps)):
+    bounds = np.searchsorted(assembly.piece[order], np.arange(total + 1))
+    for k in range(total):
         ids = order[bounds[k] : bounds[k + 1]]
         if not len(ids):
             continue
@@ -40,7 +41,7 @@ def _lift(layout: Layout, k: int, chart: Float[np.ndarray, "n 2"]) -> Float[np.n
         mesh = rings[k].mesh
         triangle, bary = locate_in_ring(rings[k].chart.theta_corner, rings[k].chart.h[mesh.triangles], chart)
     else:
-        cap = layout.pieces.caps[k - len(rings)]
-        mesh = cap.mesh
-        triangle, bary = locate(cap.plane[mesh.triangles], chart)
+        disk = (*layout.pieces.caps, *layout.pieces.strips)[k - len(rings)]
+        mesh = disk.mesh
+        triangle, bary = locate(disk.plane[mesh.triangles], chart)
     return np.einsum("qk,qkd->qd", bary, mesh.corners[triangle])
