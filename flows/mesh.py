@@ -11,6 +11,7 @@ from prefect import State, flow, get_run_logger
 from prefect.runtime import flow_run
 from prefect.states import Completed, Failed
 
+from drl_meshgen.commands.meshing import verdict
 from drl_meshgen.commands.output import can_draw, folder_names
 from drl_meshgen.pipeline import COMPARED_STAGES, STAGES, MeshOptions, ModelOptions
 from drl_meshgen.quality import Quality, gate
@@ -175,6 +176,10 @@ def main(
         raise typer.Exit(error.exit_code) from None
     outcomes = state.data.result
     for outcome in outcomes:
+        if _meshed(outcome):
+            done = reopen(COMPARED_STAGES, outcome.refs, Store(store))
+            seconds = sum(timing.computed for timing in done.timings if timing.stage != "comparison")
+            typer.echo(verdict(outcome.surface, done["quality"].metrics, seconds))
         if outcome.failure:
             typer.echo(outcome.failure, err=True)
     typer.echo(f"dashboard: {api.removesuffix('/api')}")

@@ -164,12 +164,13 @@ def _checked(rival: Rival, surface: TriMesh, missing: float) -> Rival:
 def run_rival(surface: TriMesh, method: Method, target_quads: int, options: RivalOptions | None = None) -> Rival:
     """Mesh the surface with one of Gmsh's methods at about `target_quads` quads.
 
-    The surface is given to Gmsh as one patch first and, where that fails, cut in patches by Gmsh itself. Nothing is
-    raised for a rival's failure: it is the outcome. The run nearest to the wanted count among those that ended well is
-    returned.
+    The surface is given to Gmsh as one patch first and, where that fails and there is time for as long a run again, cut
+    in patches by Gmsh itself. Nothing is raised for a rival's failure: it is the outcome. The run nearest to the wanted
+    count among those that ended well is returned.
     """
     options = options or RivalOptions()
-    end = time.monotonic() + options.timeout
+    start = time.monotonic()
+    end = start + options.timeout
     t = surface.topology
     if method is Method.TRANSFINITE and (t.euler != 1 or boundary_loops(t) != 1):
         return Rival(method, RivalOutcome.NOT_APPLICABLE)
@@ -184,7 +185,8 @@ def run_rival(surface: TriMesh, method: Method, target_quads: int, options: Riva
     best = attempt(size, split=False)
     if best.outcome is RivalOutcome.MESHED:
         return _tuned(best, size, target_quads, options, partial(attempt, split=False))
-    if method is not Method.TRANSFINITE:
+    spent = time.monotonic() - start
+    if method is not Method.TRANSFINITE and 2 * spent < options.timeout:
         second = attempt(size, split=True)
         if second.outcome is RivalOutcome.MESHED:
             return _tuned(second, size, target_quads, options, partial(attempt, split=True))
