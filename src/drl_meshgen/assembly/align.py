@@ -167,6 +167,26 @@ def _rising(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     return values[0] + np.r_[0.0, np.cumsum(step - np.floor(step))]
 
 
+def across_transition(theta: Float[np.ndarray, " n"], n: int) -> Float[np.ndarray, " m"]:
+    """Theta of `n` columns on the other side of a tube whose columns have `theta`.
+
+    Where the counts differ, a C-type transition takes the sector that starts at column 0 (`sector` columns here): its
+    columns are evenly spaced again, all others go straight on.
+    """
+    change = len(theta) - n
+    if change == 0:
+        return theta
+    wide, narrow = sector(abs(change) // 2)
+    here, there = (wide, narrow) if change > 0 else (narrow, wide)
+    closed = np.r_[theta, theta[0] + 1]
+    return np.r_[np.linspace(closed[0], closed[here], there + 1)[:-1], closed[here:-1]]
+
+
+def sector(absorbed: int) -> tuple[int, int]:
+    """Columns of a C-type transition on its wide and its narrow side: one on each side of a middle as wide as a leg."""
+    return 2 + 3 * absorbed, 2 + absorbed
+
+
 def _align_tube(
     layout: Layout, curves: tuple[Curve, ...], positions: list[np.ndarray | None], k: int
 ) -> tuple[Columns, Columns]:
@@ -175,14 +195,15 @@ def _align_tube(
         loop_map(tube.ring, tube.ring.inner, curves[tube.curves[0]]),
         loop_map(tube.ring, tube.ring.outer, curves[tube.curves[1]]),
     )
-    n = int(layout.curve_counts[tube.curves[0]])
     first = 0 if positions[tube.curves[0]] is not None else 1
     base, other = maps[first], maps[1 - first]
+    n, far_n = (int(layout.curve_counts[tube.curves[end]]) for end in (first, 1 - first))
     held = positions[tube.curves[first]]
     order = np.arange(n) if base.direction > 0 else -np.arange(n) % n
     theta = _rising(base.to_theta(np.asarray(held))[order])
     mine = Columns(0, base.direction, theta)
     far = positions[tube.curves[1 - first]]
+    theta, n = across_transition(theta, far_n), far_n
     if far is None:
         placed = other.to_position(theta)
         back = np.arange(n) if other.direction > 0 else -np.arange(n) % n

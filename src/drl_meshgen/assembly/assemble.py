@@ -7,6 +7,7 @@ from jaxtyping import Float, Int
 
 from drl_meshgen.assembly.blocks import Annulus, blocks
 from drl_meshgen.assembly.subdomains import StripFill, Subdomains
+from drl_meshgen.assembly.transition import TransitionFill
 from drl_meshgen.decompose import Junction, Layout
 
 
@@ -47,7 +48,7 @@ def assemble(layout: Layout, subdomains: Subdomains) -> Assembly:
     curves = [nodes.new(int(n)) for n in layout.curve_counts]
     annuli: list[Annulus] = []
     fills, strip_fills, rims = iter(subdomains.rings), iter(subdomains.strips), iter(subdomains.rims)
-    patches = []
+    patches, transitions = [], []
     for junction, counts in zip(layout.pieces.junctions, layout.edge_counts, strict=True):
         edges = _edge_nodes(junction, counts, nodes, curves, [next(rims) for _ in junction.rims])
         for c, cell in zip(junction.curves, junction.cells, strict=True):
@@ -58,11 +59,18 @@ def assemble(layout: Layout, subdomains: Subdomains) -> Assembly:
             ids = np.vstack([curves[c][one.first], inner, outer])
             annuli.append(Annulus(ids, c, -1, _feet(sides), is_cell=True))
         patches += [_patch([edges[e] for e in strip.sides], next(strip_fills), nodes) for strip in junction.strips]
+    ring_ids = [annulus.ids for annulus in annuli]
     for tube in layout.pieces.tubes:
         one = next(fills)
         a, b = tube.curves
-        inner = nodes.new((len(one.chart) - 2) * len(one.first)).reshape(-1, len(one.first))
-        annuli.append(Annulus(np.vstack([curves[a][one.first], inner, curves[b][one.last]]), a, b))
+        if isinstance(one, TransitionFill):
+            ends = np.r_[curves[a][one.first], curves[b][one.last]]
+            ring_ids.append(np.r_[ends, nodes.new(len(one.chart) - len(ends))])
+            transitions += [ring_ids[-1][grid] for grid in one.grids]
+        else:
+            inner = nodes.new((len(one.chart) - 2) * len(one.first)).reshape(-1, len(one.first))
+            ring_ids.append(np.vstack([curves[a][one.first], inner, curves[b][one.last]]))
+            annuli.append(Annulus(ring_ids[-1], a, b))
     cores, cap_ids = [], []
     for cap, one in zip(layout.pieces.caps, subdomains.caps, strict=True):
         n = len(one.first)
@@ -71,7 +79,7 @@ def assemble(layout: Layout, subdomains: Subdomains) -> Assembly:
         cores.append(ids[one.core])
         cap_ids.append(ids)
     piece, chart = nodes.arrays()
-    placements = [(a.ids.ravel(), f.chart.reshape(-1, 2)) for a, f in zip(annuli, subdomains.rings, strict=False)]
+    placements = [(ids.ravel(), one.chart.reshape(-1, 2)) for ids, one in zip(ring_ids, subdomains.rings, strict=True)]
     placements += [(ids, one.chart) for ids, one in zip(cap_ids, subdomains.caps, strict=True)]
     others = len(placements)
     placements += [(ids.ravel(), one.chart.reshape(-1, 2)) for ids, one in zip(patches, subdomains.strips, strict=True)]
@@ -79,7 +87,7 @@ def assemble(layout: Layout, subdomains: Subdomains) -> Assembly:
     for k in (*reversed(range(others)), *range(others, len(placements))):
         ids, where = placements[k]
         piece[ids], chart[ids] = k, where
-    return Assembly((*cores, *patches, *blocks(annuli)), piece, chart)
+    return Assembly((*cores, *patches, *transitions, *blocks(annuli)), piece, chart)
 
 
 def _edge_nodes(

@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 
 from drl_meshgen.assembly.align import Alignment, align
+from drl_meshgen.assembly.transition import TransitionFill, transition_fill
 from drl_meshgen.decompose import Cap, Layout
 from drl_meshgen.partition import Curve, Partition
 from drl_meshgen.templates import Policy, RulePolicy, fill_cap
@@ -52,12 +53,12 @@ class StripFill:
 
 @dataclass(frozen=True, eq=False)
 class Subdomains:
-    """Fills of all rings (in the order of `Pieces.rings`), caps and strips, and one row per cap: its template.
+    """Fills of all rings (in the order of `Pieces.rings`), caps and strips, and one row per template.
 
     `rims` has one array per rim, junction after junction: the index on its curve of each node around it.
     """
 
-    rings: tuple[RingFill, ...]
+    rings: tuple[RingFill | TransitionFill, ...]
     caps: tuple[CapFill, ...]
     strips: tuple[StripFill, ...]
     rims: tuple[Int[np.ndarray, " n"], ...]
@@ -78,6 +79,10 @@ def fill(partition: Partition, layout: Layout, policy: Policy | None = None) -> 
         one, row = _cap_fill(cap, partition.curves[cap.curve], partition, placed.positions[cap.curve], policy)
         caps.append(one)
         rows.append({"cap": len(rows), "curve": cap.curve, **row})
+    for k, one in enumerate(rings[len(rings) - len(layout.pieces.tubes) :]):
+        if isinstance(one, TransitionFill):
+            absorbed = abs(len(one.first) - len(one.last)) // 2
+            rows.append({"curve": layout.pieces.tubes[k].curves[0], "template": "C", "m": absorbed, "n": absorbed})
     columns = ["cap", "curve", "template", "i0", "m", "n", "layers", "grading", "outcome"]
     rims = tuple(rim for one in placed.rims for rim in one)
     return Subdomains(rings, tuple(caps), _strip_fills(layout), rims, pd.DataFrame(rows, columns=columns))
@@ -91,14 +96,17 @@ def _strip_fills(layout: Layout) -> tuple[StripFill, ...]:
     )
 
 
-def _ring_fills(layout: Layout, placed: Alignment) -> tuple[RingFill, ...]:
+def _ring_fills(layout: Layout, placed: Alignment) -> tuple[RingFill | TransitionFill, ...]:
     none = np.empty(0, np.int64)
-    fills = []
+    fills: list[RingFill | TransitionFill] = []
     for columns, rows in zip(placed.cells, layout.cell_rows, strict=True):
         for (foot, outer), r in zip(columns, rows, strict=True):
             fills.append(RingFill(_ruled(foot.theta, outer, int(r)), foot.nodes(), none))
-    for (one, two), r in zip(placed.tubes, layout.tube_rows, strict=True):
-        fills.append(RingFill(_ruled(one.theta, two.theta, int(r)), one.nodes(), two.nodes()))
+    for tube, (one, two), r in zip(layout.pieces.tubes, placed.tubes, layout.tube_rows, strict=True):
+        if len(one.theta) == len(two.theta):
+            fills.append(RingFill(_ruled(one.theta, two.theta, int(r)), one.nodes(), two.nodes()))
+        else:
+            fills.append(transition_fill(one, two, int(r), tube.ring.chart.modulus))
     return tuple(fills)
 
 

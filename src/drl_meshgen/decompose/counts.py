@@ -18,6 +18,12 @@ TANGENTS = np.array([0.15, 0.25, 0.4, 0.55, 0.7, 0.85, 0.95, 1.0, 1.05, 1.15, 1.
 NODE_LIMIT = 2000
 
 
+#: Most columns a transition absorbs on each side of its middle.
+MOST_ABSORBED = 8
+#: Columns of a ring beyond three times what its transition absorbs on each side: two beside it and two elsewhere.
+ROOM = 4
+
+
 class CountOutcome(Enum):
     """Verdicts of the integer program."""
 
@@ -38,6 +44,10 @@ class CountProblem:
     sums: tuple[tuple[int, tuple[int, ...]], ...]
     equal: tuple[tuple[int, int], ...]
     even: tuple[int, ...]
+    steps: tuple[tuple[int, int], ...] = ()
+    """Pairs (wide, narrow): the wide count exceeds the narrow one by an even number that a C-type transition absorbs."""
+    step_cost: float = 0.0
+    """Cost of each transition, in the units of `weight`."""
 
 
 def solve_counts(problem: CountProblem, *, integral: bool = True) -> Float[np.ndarray, " n"]:
@@ -46,14 +56,16 @@ def solve_counts(problem: CountProblem, *, integral: bool = True) -> Float[np.nd
     Without `integral` the relaxation is solved, which is fast. HiGHS runs with a gap and a limit of nodes, not of time,
     so the result is reproducible. Raises `StageError` when infeasible.
     """
-    n, n_even = len(problem.target), len(problem.even)
-    size = 2 * n + n_even  # counts, costs, halves of even counts
-    whole = np.r_[np.ones(n), np.zeros(n), np.ones(n_even)]
+    n, n_even, n_steps = len(problem.target), len(problem.even), len(problem.steps)
+    # counts, costs, halves of even counts, columns absorbed on each side, whether any is
+    size = 2 * n + n_even + 2 * n_steps
+    whole = np.r_[np.ones(n), np.zeros(n), np.ones(size - 2 * n)]
+    high = np.r_[np.full(size - n_steps, np.inf), np.ones(n_steps)]
     result = milp(
-        np.r_[np.zeros(n), problem.weight, np.zeros(n_even)],
+        np.r_[np.zeros(n), problem.weight, np.zeros(n_even + n_steps), np.full(n_steps, problem.step_cost)],
         integrality=whole if integral else np.zeros(size),
-        bounds=Bounds(np.r_[problem.least, np.zeros(n + n_even)], np.full(size, np.inf)),  # pyright: ignore[reportArgumentType]
-        constraints=[_equations(problem, size), _tangents(problem, size)],
+        bounds=Bounds(np.r_[problem.least, np.zeros(size - n)], high),  # pyright: ignore[reportArgumentType]
+        constraints=[_equations(problem, size), _transitions(problem, size), _tangents(problem, size)],
         options={"mip_rel_gap": 0.02, "node_limit": NODE_LIMIT},
     )
     if result.x is None:
@@ -64,7 +76,7 @@ def solve_counts(problem: CountProblem, *, integral: bool = True) -> Float[np.nd
 def _equations(problem: CountProblem, size: int) -> LinearConstraint:
     """Return the sums, equal pairs and even counts."""
     n = len(problem.target)
-    rows = lil_matrix((len(problem.sums) + len(problem.equal) + len(problem.even), size))
+    rows = lil_matrix((len(problem.sums) + len(problem.equal) + len(problem.even) + len(problem.steps), size))
     r = 0
     for total, parts in problem.sums:
         rows[r, total] -= 1
@@ -77,7 +89,21 @@ def _equations(problem: CountProblem, size: int) -> LinearConstraint:
     for k, a in enumerate(problem.even):
         rows[r, a], rows[r, 2 * n + k] = 1, -2
         r += 1
+    for k, (wide, narrow) in enumerate(problem.steps):
+        rows[r, wide], rows[r, narrow], rows[r, 2 * n + len(problem.even) + k] = 1, -1, -2
+        r += 1
     return LinearConstraint(rows.tocsr(), 0, 0)
+
+
+def _transitions(problem: CountProblem, size: int) -> LinearConstraint:
+    """Let a transition absorb columns only where it is paid for and its nine blocks find room in the ring."""
+    n, n_steps = len(problem.target), len(problem.steps)
+    rows = lil_matrix((2 * n_steps, size))
+    first = 2 * n + len(problem.even)
+    for k, (wide, _) in enumerate(problem.steps):
+        rows[k, first + k], rows[k, first + n_steps + k] = 1, -MOST_ABSORBED
+        rows[n_steps + k, first + k], rows[n_steps + k, wide] = 3, -1
+    return LinearConstraint(rows.tocsr(), -np.inf, np.r_[np.zeros(n_steps), np.full(n_steps, -ROOM)])
 
 
 def _tangents(problem: CountProblem, size: int) -> LinearConstraint:

@@ -11,6 +11,10 @@ from drl_meshgen.decompose.pieces import Cap, Pieces, pieces
 from drl_meshgen.partition import Partition
 
 
+#: A tube whose height is less than this share of its girth has no room for a transition.
+LEAST_MODULUS = 0.5
+
+
 @dataclass(frozen=True)
 class DecomposeOptions:
     """Size of the mesh and how junctions are opened."""
@@ -23,6 +27,10 @@ class DecomposeOptions:
     """Powers of a loop's length that its distance is divided by, one candidate spine each (see `nearest_distance`)."""
     spine_weight: float = 1.0
     """How much the spacing along spine edges counts against that around limbs (ratio)."""
+    transitions: bool = False
+    """Whether tubes may lose an even number of columns in a C-type transition (4 more irregular nodes each)."""
+    transition_cost: float = 4.0
+    """What a transition must save in the count program to be worth it (in mean weights of a tube)."""
     strips: bool = True
     """Whether junctions are also opened by strips between their loops (see `strip_graph`)."""
     least_columns: int = 2
@@ -78,7 +86,7 @@ def predicted_quads(layout: Layout) -> float:
         total += float((layout.curve_counts[list(junction.curves)] * rows).sum())
         total += float(sum(counts[strip.sides[0]] * counts[strip.sides[1]] for strip in junction.strips))
     for tube, rows in zip(layout.pieces.tubes, layout.tube_rows, strict=True):
-        total += float(layout.curve_counts[tube.curves[0]] * rows)
+        total += float(layout.curve_counts[list(tube.curves)].mean() * rows)
     return total + sum(_cap_quads(cap, float(layout.curve_counts[cap.curve])) for cap in layout.pieces.caps)
 
 
@@ -110,7 +118,14 @@ class _Sizing:
         for cap in parts.caps:
             self.least[self.n_edges + cap.curve] = options.least_cap
         self.sums: list[tuple[int, tuple[int, ...]]] = []
-        self.equal = [(self.n_edges + a, self.n_edges + b) for a, b in (tube.curves for tube in parts.tubes)]
+        self.equal: list[tuple[int, int]] = []
+        self.steps: list[tuple[int, int]] = []
+        for tube in parts.tubes:
+            ends = sorted(tube.curves, key=lambda c: -girth[c])
+            pair = (self.n_edges + ends[0], self.n_edges + ends[1])
+            # a transition takes a sector about as high as it is wide
+            roomy = options.transitions and tube.ring.chart.modulus > LEAST_MODULUS
+            (self.steps if roomy else self.equal).append(pair)
         self.strips: list[tuple[int, int]] = []
         for at, junction in zip(self.start.tolist(), parts.junctions, strict=False):
             around = [(c, [e for e, _ in cell.sides]) for c, cell in zip(junction.curves, junction.cells, strict=True)]
@@ -125,8 +140,8 @@ class _Sizing:
             for junction in parts.junctions
             for c, cell in zip(junction.curves, junction.cells, strict=True)
         ]
-        rings = [*cells, *((tube.curves[0], tube.ring) for tube in parts.tubes)]
-        self.ring_curve = np.array([c for c, _ in rings], np.int64)
+        rings = [*(((c, c), ring) for c, ring in cells), *((tube.curves, tube.ring) for tube in parts.tubes)]
+        self.ring_curves = np.array([c for c, _ in rings], np.int64).reshape(-1, 2)
         self.modulus = np.array([ring.chart.modulus for _, ring in rings])
         self.height = np.sqrt([ring.mesh.area for _, ring in rings] * self.modulus)
         self.least_rows = np.r_[np.full(len(cells), options.least_rows), np.ones(len(parts.tubes), np.int64)]
@@ -140,18 +155,24 @@ class _Sizing:
             tuple(self.sums),
             tuple(self.equal),
             tuple(n + cap.curve for cap in self.parts.caps),
+            tuple(self.steps),
+            self.options.transition_cost * float(np.mean(self.weight[n:])) / spacing,
         )
 
     def rows(self, counts: np.ndarray, spacing: float) -> Float[np.ndarray, " r"]:
         """Rows of each ring: between those of square cells and those of the wanted spacing (geometric mean)."""
-        square = counts[self.n_edges + self.ring_curve] * self.modulus
+        square = self._around(counts) * self.modulus
         return np.maximum(self.least_rows, np.sqrt(square * self.height / spacing))
 
     def quads(self, counts: np.ndarray, spacing: float) -> float:
         around = counts[self.n_edges :]
         caps = sum(_cap_quads(cap, float(around[cap.curve])) for cap in self.parts.caps)
         strips = sum(float(counts[mouth] * counts[side]) for mouth, side in self.strips)
-        return float((around[self.ring_curve] * self.rows(counts, spacing)).sum()) + strips + caps
+        return float((self._around(counts) * self.rows(counts, spacing)).sum()) + strips + caps
+
+    def _around(self, counts: np.ndarray) -> Float[np.ndarray, " r"]:
+        """Mean number of columns of each ring."""
+        return counts[self.n_edges + self.ring_curves].mean(axis=1)
 
     def layout(self, spacing: float) -> Layout:
         counts = solve_counts(self.problem(spacing)).astype(np.int64)
