@@ -69,11 +69,12 @@ def surface_of(name: str) -> TriMesh:
     return SURFACES[name][0]()
 
 
-def run_on(surface: TriMesh, quads: int, targets: list[str] | None = None) -> Execution:
+def run_on(surface: TriMesh, quads: int, targets: list[str] | None = None, **layout: object) -> Execution:
     """Run all stages (or up to `targets`) on a surface, unrefined, in memory."""
     raw = RawSurface("surface", surface.vertices, surface.triangles)
     given = replace(STAGES[0], run=lambda _inputs, _options: raw)
     options = replace(MeshOptions().sized(quads), cleanup=CleanupOptions(min_triangles=0))
+    options = replace(options, decompose=replace(options.decompose, **layout))
     return execute((given, *STAGES[1:]), options.by_stage("surface"), targets=targets)
 
 

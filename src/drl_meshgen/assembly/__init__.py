@@ -2,5 +2,6 @@
 
 from drl_meshgen.assembly.assemble import Assembly, assemble
 from drl_meshgen.assembly.subdomains import CapFill, RingFill, StripFill, Subdomains, fill
+from drl_meshgen.assembly.transition import TransitionFill
 
-__all__ = ["Assembly", "CapFill", "RingFill", "StripFill", "Subdomains", "assemble", "fill"]
+__all__ = ["Assembly", "CapFill", "RingFill", "StripFill", "Subdomains", "TransitionFill", "assemble", "fill"]

@@ -34,7 +34,7 @@ def transition_fill(one: Columns, two: Columns, rows: int, modulus: float) -> Tr
     wide, narrow = sector(absorbed)
     low, high = (wide, narrow) if n > m else (narrow, wide)
     rows = max(rows, absorbed + 2)
-    turns = np.round((one.theta[0] - two.theta[0]))
+    turns = np.round(one.theta[0] - two.theta[0])
     bottom = np.c_[np.r_[one.theta, one.theta[0] + 1], np.zeros(n + 1)]
     top = np.c_[np.r_[two.theta, two.theta[0] + 1] + turns, np.ones(m + 1)]
     share = (np.arange(1, rows) / rows)[:, None, None]

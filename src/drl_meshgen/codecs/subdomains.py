@@ -2,15 +2,17 @@
 
 `nodes.vtu`: nodes and quads of every piece in its own chart, as (x, y, 0), with the point array `piece` (rings, then
 caps, then strips). `rings.parquet`, `caps.parquet`, `rims.parquet`: how their nodes meet the curves. `strips.parquet`:
-their sizes. `templates.parquet`: template and parameters of each cap.
+their sizes. `templates.parquet`: template and parameters of each cap
+and each transition.
 """
 
-from itertools import pairwise
+from itertools import chain, islice, pairwise
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Int
 
-from drl_meshgen.assembly import CapFill, RingFill, StripFill, Subdomains
+from drl_meshgen.assembly import CapFill, RingFill, StripFill, Subdomains, TransitionFill
 from drl_meshgen.codecs.files import Codec, integers, read_grid, read_rows, write_blocks, write_rows
 from drl_meshgen.export import read_table, write_table
 
@@ -22,10 +24,8 @@ def write(result: Subdomains, folder: Path) -> None:
     charts += [strip.chart.reshape(-1, 2) for strip in strips]
     sizes = [len(chart) for chart in charts]
     offsets = np.cumsum([0, *sizes[:-1]]).tolist()
-    grids = [
-        start + np.arange(ring.chart.shape[0] * ring.chart.shape[1]).reshape(ring.chart.shape[:2])
-        for ring, start in zip(rings, offsets, strict=False)
-    ]
+    of_rings = [[start + g for g in _ring_grids(ring)] for ring, start in zip(rings, offsets, strict=False)]
+    grids = list(chain(*of_rings))
     for cap, start in zip(caps, offsets[len(rings) :], strict=False):
         layers = np.arange(len(cap.first) * (cap.layers + 1)).reshape(-1, len(cap.first))
         grids += [start + np.c_[layers, layers[:, 0]], start + cap.core]
@@ -35,7 +35,8 @@ def write(result: Subdomains, folder: Path) -> None:
     write_blocks(folder / "nodes.vtu", np.concatenate(charts), grids, {"piece": piece})
     write_rows(
         folder / "rings.parquet",
-        columns=[ring.chart.shape[1] for ring in rings],
+        columns=[0 if isinstance(ring, TransitionFill) else ring.chart.shape[1] for ring in rings],
+        blocks=[len(one) for one in of_rings],
         first=[ring.first for ring in rings],
         last=[ring.last for ring in rings],
     )
@@ -52,6 +53,13 @@ def write(result: Subdomains, folder: Path) -> None:
     write_table(folder / "templates.parquet", result.templates)
 
 
+def _ring_grids(ring: RingFill | TransitionFill) -> tuple[Int[np.ndarray, "ni1 nj1"], ...]:
+    if isinstance(ring, TransitionFill):
+        return ring.grids
+    rows, columns = ring.chart.shape[:2]
+    return (np.arange(rows * columns).reshape(rows, columns),)
+
+
 def read(folder: Path) -> Subdomains:
     """Read the nodes of all pieces."""
     grid = read_grid(folder / "nodes.vtu")
@@ -59,10 +67,14 @@ def read(folder: Path) -> Subdomains:
     strip_rows = read_rows(folder / "strips.parquet")
     start = np.searchsorted(grid.point["piece"], np.arange(len(ring_rows) + len(cap_rows) + len(strip_rows) + 1))
     charts = [np.ascontiguousarray(grid.points[a:b, :2]) for a, b in pairwise(start)]
-    rings = [
-        RingFill(chart.reshape(-1, row.columns, 2), integers(row.first), integers(row.last))
-        for row, chart in zip(ring_rows, charts, strict=False)
-    ]
+    rings, blocks = [], iter(grid.grids() if any(row.columns == 0 for row in ring_rows) else ())
+    for row, chart, offset in zip(ring_rows, charts, start.tolist(), strict=False):
+        own = tuple(one - offset for one in islice(blocks, row.blocks))
+        first, last = integers(row.first), integers(row.last)
+        if row.columns:
+            rings.append(RingFill(chart.reshape(-1, row.columns, 2), first, last))
+        else:
+            rings.append(TransitionFill(chart, first, last, own))
     caps = [
         CapFill(
             chart,

@@ -45,7 +45,7 @@ class CountProblem:
     equal: tuple[tuple[int, int], ...]
     even: tuple[int, ...]
     steps: tuple[tuple[int, int], ...] = ()
-    """Pairs (wide, narrow): the wide count exceeds the narrow one by an even number that a C-type transition absorbs."""
+    """Pairs (wide, narrow): the first count exceeds the second by an even number, which a C-type transition absorbs."""
     step_cost: float = 0.0
     """Cost of each transition, in the units of `weight`."""
 

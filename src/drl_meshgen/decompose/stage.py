@@ -10,7 +10,6 @@ from drl_meshgen.decompose.counts import CountProblem, solve_counts
 from drl_meshgen.decompose.pieces import Cap, Pieces, pieces
 from drl_meshgen.partition import Partition
 
-
 #: A tube whose height is less than this share of its girth has no room for a transition.
 LEAST_MODULUS = 0.5
 

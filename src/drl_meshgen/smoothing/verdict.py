@@ -72,7 +72,7 @@ class Referee:
         return shape
 
     def _under(self, corners: Float[np.ndarray, "m 4 3"]) -> Float[np.ndarray, "m 3"]:
-        """Normal of the surface nearest to each quad's centroid: of the triangle found or the pseudo-normal there.
+        """Return the normal of the surface nearest to each quad's centroid: of the triangle found or the pseudo-normal.
 
         Where the nearest point lies on an edge of the surface, it is up to the searcher which triangle is found; the
         normal that agrees less with the quad is taken, so that the verdict holds for every searcher.
