@@ -89,6 +89,8 @@ class Rival:
 _WORKER = Path(__file__).with_name("gmsh_worker.py")
 # Quads made per square of the target edge length, measured on a hemisphere; the first guess of the size.
 _QUADS_PER_SQUARE = {Method.QUASI_STRUCTURED: 3.9, Method.BLOSSOM_SUBDIVIDED: 4.2}
+# Seconds that the second try may take where the first ended sooner.
+_SECOND_TRY = 20.0
 
 
 def _four_sides(surface: TriMesh, loop: Int[np.ndarray, " n"]) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " 4"]]:
@@ -164,34 +166,34 @@ def _checked(rival: Rival, surface: TriMesh, missing: float) -> Rival:
 def run_rival(surface: TriMesh, method: Method, target_quads: int, options: RivalOptions | None = None) -> Rival:
     """Mesh the surface with one of Gmsh's methods at about `target_quads` quads.
 
-    The surface is given to Gmsh as one patch first and, where that fails and there is time for as long a run again, cut
-    in patches by Gmsh itself. Nothing is raised for a rival's failure: it is the outcome. The run nearest to the wanted
-    count among those that ended well is returned.
+    The surface is given to Gmsh as one patch first and, where that fails, cut in patches by Gmsh itself; this second
+    try may take as long as the first. Nothing is raised for a rival's failure: it is the outcome. The run nearest to
+    the wanted count among those that ended well is returned.
     """
     options = options or RivalOptions()
     start = time.monotonic()
-    end = start + options.timeout
     t = surface.topology
     if method is Method.TRANSFINITE and (t.euler != 1 or boundary_loops(t) != 1):
         return Rival(method, RivalOutcome.NOT_APPLICABLE)
 
-    def attempt(size: float, *, split: bool) -> Rival:
-        left = end - time.monotonic()
+    def attempt(size: float, *, split: bool, seconds: float = np.inf) -> Rival:
+        left = min(seconds, start + options.timeout - time.monotonic())
         if left <= 0:
             return Rival(method, RivalOutcome.TIMED_OUT)
         return _checked(_attempt(surface, method, size, left, split=split), surface, options.missing)
 
     size = float(np.sqrt(surface.area / target_quads * _QUADS_PER_SQUARE.get(method, 1.0)))
     best = attempt(size, split=False)
+    if best.outcome is RivalOutcome.TIMED_OUT:
+        return replace(best, detail=f"limit {options.timeout:g} s")
     if best.outcome is RivalOutcome.MESHED:
         return _tuned(best, size, target_quads, options, partial(attempt, split=False))
-    spent = time.monotonic() - start
-    if method is not Method.TRANSFINITE and 2 * spent < options.timeout:
-        second = attempt(size, split=True)
-        if second.outcome is RivalOutcome.MESHED:
-            return _tuned(second, size, target_quads, options, partial(attempt, split=True))
-        best = second if best.mesh is None else best
-    return replace(best, detail=f"limit {options.timeout:g} s") if best.outcome is RivalOutcome.TIMED_OUT else best
+    if method is Method.TRANSFINITE:
+        return best
+    second = attempt(size, split=True, seconds=max(_SECOND_TRY, time.monotonic() - start))
+    if second.outcome is RivalOutcome.MESHED:
+        return _tuned(second, size, target_quads, options, partial(attempt, split=True))
+    return second if best.mesh is None and second.mesh is not None else best
 
 
 def _tuned(
