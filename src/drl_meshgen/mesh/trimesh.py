@@ -77,6 +77,14 @@ class TriMesh:
         return total
 
     @cached_property
+    def vertex_triangles(self) -> tuple[Int[np.ndarray, " v1"], Int[np.ndarray, " 3f"]]:
+        """Triangles around each vertex: those of vertex `v` are `around[start[v] : start[v + 1]]`, in rising order."""
+        flat = self.triangles.ravel()
+        around = np.argsort(flat, kind="stable") // 3
+        start = np.r_[0, np.cumsum(np.bincount(flat, minlength=len(self.vertices)))]
+        return start, around
+
+    @cached_property
     def edge_lengths(self) -> Float[np.ndarray, " e"]:
         """Length of each edge of `topology.edges`."""
         e = self.topology.edges

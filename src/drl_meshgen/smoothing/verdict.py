@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from drl_meshgen.mesh import QuadMesh, TriMesh
-from drl_meshgen.quality.normals import pseudo_normals
+from drl_meshgen.quality.normals import least_agreeing_normals
 from drl_meshgen.smoothing.energy import Shape, beyond, shape_of
 from drl_meshgen.smoothing.nodes import NodeState
 from drl_meshgen.smoothing.options import SmoothingOptions
@@ -72,17 +72,14 @@ class Referee:
         return shape
 
     def _under(self, corners: Float[np.ndarray, "m 4 3"]) -> Float[np.ndarray, "m 3"]:
-        """Return the normal of the surface nearest to each quad's centroid: of the triangle found or the pseudo-normal.
+        """Return the normal of the surface nearest to each quad's centroid.
 
-        Where the nearest point lies on an edge of the surface, it is up to the searcher which triangle is found; the
-        normal that agrees less with the quad is taken, so that the verdict holds for every searcher.
+        Where the nearest point lies on an edge or vertex of the surface, it is up to the searcher which triangle is
+        found; the normal that agrees least with the quad is taken, so that the verdict holds for every searcher.
         """
         found, points = self._nearest.find_closest_cell(corners.mean(axis=1), return_closest_point=True)
-        found, points = np.atleast_1d(found), np.atleast_2d(points)
         own = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-        flat, blended = self.surface.normals[found], pseudo_normals(self.surface, found, points)
-        worse = np.einsum("mi,mi->m", blended, own) < 0
-        return np.where(worse[:, None], blended, flat)
+        return least_agreeing_normals(self.surface, np.atleast_1d(found), np.atleast_2d(points), own)
 
     def figures(self, state: NodeState, *, exact: bool = False) -> Figures:
         """Worst angles, area ratio and number of folded quads."""
