@@ -196,6 +196,6 @@ def _girths(partition: Partition, parts: Pieces) -> tuple[np.ndarray, np.ndarray
         area = tube.ring.mesh.area
         girth = np.sqrt(area / tube.ring.chart.modulus)
         for c in tube.curves:
-            weighted[c] += girth * area / girth
+            weighted[c] += area
             weight[c] += area / girth
     return weighted / weight, weight
