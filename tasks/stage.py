@@ -37,7 +37,10 @@ def stored_task(
     version: int,
     description: str | None = None,
 ) -> Task[..., str]:
-    """Return a Prefect task that the artifact store caches: the one place that sets keys, retries and tags.
+    """Return a Prefect task that the artifact store caches: the one place that sets keys and retries.
+
+    It has no tags: for the concurrency limit that a tag may have, Prefect asks the server before every run of a tagged
+    task, cached or not, which at times took more than a second each.
 
     `run` returns an `ArtifactRef` as JSON and has a parameter `store`; `recipe` tells from the parameters what the
     result depends on.
@@ -55,7 +58,6 @@ def stored_task(
         name=name,
         description=description,
         task_run_name=run_name,
-        tags={name},
         version=str(version),
         cache_key_fn=key,
         result_serializer="json",
