@@ -25,11 +25,6 @@ class Arc:
     upper: int
     lower: int
 
-    @property
-    def is_tip(self) -> bool:
-        """Whether the arc ends in a single tip."""
-        return len(self.tips) == 1
-
 
 @dataclass(frozen=True, eq=False)
 class JoinTree:
