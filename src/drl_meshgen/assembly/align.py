@@ -120,7 +120,7 @@ def align(partition: Partition, layout: Layout) -> Alignment:
         for k in ready:
             tubes[k] = _align_tube(layout, curves, positions, k)
     return Alignment(
-        tuple(p for p in positions if p is not None),
+        tuple(np.asarray(p, float) for p in positions),
         tuple(cell_columns),
         tuple(t for t in tubes if t is not None),
         tuple(rims),
@@ -133,7 +133,7 @@ def _placed(layout: Layout, positions: list[np.ndarray | None], tube: int) -> bo
 
 def _align_rim(rim: Rim, natural: Float[np.ndarray, " n"], positions: list[np.ndarray | None]) -> Int[np.ndarray, " n"]:
     n, direction = len(natural), 1 if natural[1] > natural[0] else -1
-    order = np.arange(n) if direction > 0 else -np.arange(n) % n
+    order = _order(n, direction)
     held = positions[rim.curve]
     if held is None:
         positions[rim.curve] = _rising(natural[order])
@@ -147,18 +147,25 @@ def _align_cell(
 ) -> tuple[Columns, np.ndarray]:
     relation = loop_map(cell.ring, cell.ring.inner, curve)
     theta = spread(outer)
-    n, direction = len(theta), relation.direction
-    held = positions[c]
-    order = np.arange(n) if direction > 0 else -np.arange(n) % n
+    return _meet(relation, theta, positions, c), outer
+
+
+def _meet(relation: LoopMap, theta: Float[np.ndarray, " n"], positions: list[np.ndarray | None], c: int) -> Columns:
+    """Let columns at `theta` meet the nodes of curve `c`, which they place where nobody has."""
+    n, direction, held = len(theta), relation.direction, positions[c]
+    order = _order(n, direction)
     if held is None:
         positions[c] = _rising(relation.to_position(theta)[order])
-        return Columns(0, direction, theta), outer
-    there = relation.to_theta(held)
-    given = _rising(there[order])
+        return Columns(0, direction, theta)
+    given = _rising(relation.to_theta(held)[order])
     shift, turns = best_shift(theta, given)
-    start = shift if direction > 0 else (-shift) % n
     met = given[(np.arange(n) + shift) % n] + (np.arange(n) + shift) // n + turns
-    return Columns(start, direction, met), outer
+    return Columns(shift if direction > 0 else (-shift) % n, direction, met)
+
+
+def _order(n: int, direction: int) -> Int[np.ndarray, " n"]:
+    """Nodes of a curve in the order in which columns from node 0 on meet them."""
+    return np.arange(n) if direction > 0 else -np.arange(n) % n
 
 
 def _rising(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -199,20 +206,7 @@ def _align_tube(
     base, other = maps[first], maps[1 - first]
     n, far_n = (int(layout.curve_counts[tube.curves[end]]) for end in (first, 1 - first))
     held = positions[tube.curves[first]]
-    order = np.arange(n) if base.direction > 0 else -np.arange(n) % n
-    theta = _rising(base.to_theta(np.asarray(held))[order])
+    theta = _rising(base.to_theta(np.asarray(held))[_order(n, base.direction)])
     mine = Columns(0, base.direction, theta)
-    far = positions[tube.curves[1 - first]]
-    theta, n = across_transition(theta, far_n), far_n
-    if far is None:
-        placed = other.to_position(theta)
-        back = np.arange(n) if other.direction > 0 else -np.arange(n) % n
-        positions[tube.curves[1 - first]] = _rising(placed[back])
-        theirs = Columns(0, other.direction, theta)
-    else:
-        back = np.arange(n) if other.direction > 0 else -np.arange(n) % n
-        given = _rising(other.to_theta(far)[back])
-        shift, turns = best_shift(theta, given)
-        met = given[(np.arange(n) + shift) % n] + (np.arange(n) + shift) // n + turns
-        theirs = Columns(shift if other.direction > 0 else (-shift) % n, other.direction, met)
+    theirs = _meet(other, across_transition(theta, far_n), positions, tube.curves[1 - first])
     return (mine, theirs) if first == 0 else (theirs, mine)
