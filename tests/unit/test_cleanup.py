@@ -218,3 +218,25 @@ def test_the_audit_lists_every_step_in_order():
     assert list(audit.columns) == ["step", "count", "remark"]
     assert audit["step"].is_unique
     assert audit["step"].iloc[0] == "merge duplicate points"
+
+
+def sized(mesh, scale=1.0):
+    """A soup with a number per point that depends on where the point is."""
+    given = soup(mesh)
+    return RawSurface("soup", given.points, given.triangles, {"size": scale * (3 + given.points[:, 0])})
+
+
+def test_numbers_per_point_follow_their_points_through_the_repairs():
+    result = clean(sized(bumpy_disk(300)), ASIS)
+    np.testing.assert_array_equal(result.point_data["size"], 3 + result.surface.vertices[:, 0])
+
+
+@pytest.mark.parametrize("options", [CleanupOptions(min_triangles=2000), CleanupOptions(remesh=True)])
+def test_numbers_per_point_are_interpolated_where_points_are_new(options):
+    mesh = bumpy_disk(300)
+    result = clean(sized(mesh), options)
+    size = result.point_data["size"]
+    assert size.shape == (len(result.surface.vertices),)
+    np.testing.assert_allclose(size, 3 + result.surface.vertices[:, 0], atol=mesh.edge_lengths.max())
+    assert (size >= 3 + mesh.vertices[:, 0].min()).all()
+    assert (size <= 3 + mesh.vertices[:, 0].max()).all()

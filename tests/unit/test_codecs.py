@@ -65,7 +65,7 @@ class Chain:
 def chain(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("stages")
     surface = SHAPES[request.param]()
-    raw = RawSurface("limbs", surface.vertices, surface.triangles)
+    raw = RawSurface("limbs", surface.vertices, surface.triangles, {"size": surface.vertices[:, 0]})
     options = MeshOptions().sized(target_quads=400).by_stage("limbs")
     computed, reread = {}, {}
     for stage in STAGES:

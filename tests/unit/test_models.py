@@ -218,3 +218,48 @@ def test_real_surfaces_pass_cleanup_as_disks(path):
     assert_disk(result.surface)
     assert isinstance(surface, RawSurface)
     assert len(separating_triangles(result.surface)) == 0
+
+
+def with_sizes(mesh):
+    surface = pv.PolyData.from_regular_faces(mesh.vertices, mesh.triangles)
+    surface.point_data["size"] = mesh.vertices[:, 0] + 2
+    surface.point_data["direction"] = mesh.vertices
+    return surface
+
+
+@pytest.mark.parametrize("suffix", ["vtp", "vtu"])
+def test_numbers_per_point_are_read_and_vectors_are_not(tmp_path, suffix):
+    mesh = bumpy_disk(300)
+    surface = with_sizes(mesh)
+    (surface if suffix == "vtp" else surface.cast_to_unstructured_grid()).save(tmp_path / f"part.{suffix}")
+    raw = load(tmp_path / f"part.{suffix}")
+    assert list(raw.point_data) == ["size"]
+    np.testing.assert_array_equal(raw.point_data["size"], raw.points[:, 0] + 2)
+
+
+@pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_numbers_per_vertex_of_ply_files_are_read(tmp_path, form):
+    mesh = bumpy_disk(300)
+    header = [
+        f"ply\nformat {form} 1.0\ncomment sizes\nelement vertex {len(mesh.vertices)}",
+        "property float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty double size",
+        f"element face {len(mesh.triangles)}\nproperty list uchar int vertex_indices\nend_header\n",
+    ]
+    order = ">" if "big" in form else "<"
+    vertices = np.zeros(
+        len(mesh.vertices), [(k, order + "f4") for k in "xyz"] + [("red", "u1"), ("size", order + "f8")]
+    )
+    faces = np.zeros(len(mesh.triangles), [("n", "u1"), ("v", order + "i4", 3)])
+    for k, name in enumerate("xyz"):
+        vertices[name] = mesh.vertices[:, k]
+    vertices["size"], faces["n"], faces["v"] = mesh.vertices[:, 0] + 2, 3, mesh.triangles
+    if form == "ascii":
+        rows = [" ".join(map(str, row)) for row in vertices.tolist()]
+        body = "\n".join([*rows, *(f"3 {a} {b} {c}" for a, b, c in mesh.triangles)]).encode() + b"\n"
+    else:
+        body = vertices.tobytes() + faces.tobytes()
+    (tmp_path / "part.ply").write_bytes("\n".join(header).encode() + body)
+    raw = load(tmp_path / "part.ply")
+    assert list(raw.point_data) == ["size"]
+    np.testing.assert_allclose(raw.point_data["size"], raw.points[:, 0] + 2, atol=1e-6)
+    np.testing.assert_array_equal(raw.triangles, mesh.triangles)

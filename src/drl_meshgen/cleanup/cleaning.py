@@ -1,19 +1,22 @@
 """The cleanup stage: repairs in a fixed order, checks of what the later stages rely on, and the audit."""
 
 import warnings
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float
 
 from drl_meshgen.cleanup import repair
 from drl_meshgen.cleanup.meshlab import remesh_isotropic
 from drl_meshgen.cleanup.refine import refined, widened_necks
 from drl_meshgen.cleanup.repair import CleanupWarning
+from drl_meshgen.cleanup.transfer import transferred
 from drl_meshgen.errors import InputError
 from drl_meshgen.mesh import TriMesh
 from drl_meshgen.mesh.topology import Topology
-from drl_meshgen.models.surface import RawSurface
+from drl_meshgen.models.surface import RawSurface, frozen_arrays
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,11 @@ class CleanupResult:
     """One oriented manifold component with at least one boundary loop, in the units of the input."""
     audit: pd.DataFrame
     """One row per step: `step`, `count` (items changed), `remark`."""
+    point_data: Mapping[str, Float[np.ndarray, " v"]] = field(default_factory=dict)
+    """The input's numbers per point, at the vertices of the surface; interpolated where a vertex is new."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point_data", frozen_arrays(self.point_data))
 
 
 class _Audit:
@@ -84,12 +92,13 @@ def clean(raw: RawSurface, options: CleanupOptions = CleanupOptions()) -> Cleanu
     oriented = oriented[keep]
     used = np.unique(oriented)
     audit.add("drop unused vertices", len(source) - len(used))
+    origin = source[used]
     if len(used) == len(raw.points) == len(source):
         surface = TriMesh(raw.points, oriented)
     else:
         renumber = np.zeros(len(source), np.int64)
         renumber[used] = np.arange(len(used))
-        surface = TriMesh(raw.points[source[used]], renumber[oriented])
+        surface = TriMesh(raw.points[origin], renumber[oriented])
     _check_topology(raw.name, surface.topology)
     if options.remesh:
         before = len(surface.triangles)
@@ -102,7 +111,8 @@ def clean(raw: RawSurface, options: CleanupOptions = CleanupOptions()) -> Cleanu
     audit.add("widen necks of three edges", necks)
     slivers = int((repair.flatness(surface.vertices / scale, surface.triangles) < 0.02).sum())
     audit.add("slivers left", slivers, "height below 2 % of the longest side; kept")
-    return CleanupResult(surface, audit.table())
+    carried = transferred(raw.points[origin], {k: a[origin] for k, a in raw.point_data.items()}, surface.vertices)
+    return CleanupResult(surface, audit.table(), carried)
 
 
 def _normalised(raw: RawSurface) -> tuple[np.ndarray, float, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Files of the cleanup stage: `surface.vtu` and `audit.parquet`, one row per step."""
+"""Files of the cleanup stage: `surface.vtu` with point arrays, and `audit.parquet`, one row per step."""
 
 from pathlib import Path
 
@@ -9,13 +9,14 @@ from drl_meshgen.export import read_table, write_table
 
 def write(result: CleanupResult, folder: Path) -> None:
     """Write the cleaned surface and the audit."""
-    write_grid(folder / "surface.vtu", result.surface.vertices, result.surface.triangles)
+    write_grid(folder / "surface.vtu", result.surface.vertices, result.surface.triangles, result.point_data)
     write_table(folder / "audit.parquet", result.audit)
 
 
 def read(folder: Path) -> CleanupResult:
     """Read the cleaned surface and the audit."""
-    return CleanupResult(read_grid(folder / "surface.vtu").surface, read_table(folder / "audit.parquet"))
+    grid = read_grid(folder / "surface.vtu")
+    return CleanupResult(grid.surface, read_table(folder / "audit.parquet"), grid.point)
 
 
 CLEANUP = Codec(write, read, __name__)

@@ -1,6 +1,6 @@
 """Read surfaces from user files; everything that is wrong with a file is said in one sentence."""
 
-import re
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from drl_meshgen.errors import InputError
+from drl_meshgen.models.ply import parse_ply
 from drl_meshgen.models.surface import RawSurface
 
 if TYPE_CHECKING:
@@ -17,16 +18,12 @@ if TYPE_CHECKING:
 READABLE = (".stl", ".ply", ".obj", ".off", ".vtp", ".vtu")
 CONVERTIBLE = (".msh", ".step", ".stp", ".iges", ".igs")
 EXPORT_AGAIN = "export it again"
-PLY_BYTES = {
-    **dict.fromkeys(("char", "uchar", "int8", "uint8"), 1),
-    **dict.fromkeys(("short", "ushort", "int16", "uint16"), 2),
-    **dict.fromkeys(("int", "uint", "int32", "uint32", "float", "float32"), 4),
-    **dict.fromkeys(("double", "float64"), 8),
-}
 
 
 def read_surface(path: Path) -> RawSurface:
     """Read STL, PLY, OBJ, OFF, VTP or VTU; polygons are triangulated, positions kept as stored.
+
+    Numbers kept per point in PLY, VTP and VTU files become `point_data`.
 
     Raises `InputError` for a missing, unreadable, empty or truncated file, an unknown suffix, a file without
     triangles, or coordinates that are not finite.
@@ -46,15 +43,14 @@ def read_surface(path: Path) -> RawSurface:
     if not data.strip():
         raise InputError(name, "the file is empty", EXPORT_AGAIN)
     if suffix == ".off":
-        points, triangles = _parse_off(name, data)
+        raw = RawSurface(path.stem, *_parse_off(name, data))
     else:
         if suffix == ".stl":
             _check_stl_length(name, data)
-        elif suffix == ".ply":
-            _check_ply_length(name, data)
-        points, triangles = _triangles_of(_read_vtk(name, path))
-    _check_arrays(name, points, triangles)
-    return RawSurface(path.stem, points, triangles)
+        more = _ply_arrays(name, data) if suffix == ".ply" else {}
+        raw = _surface_of(path.stem, _read_vtk(name, path), more)
+    _check_arrays(name, raw.points, raw.triangles)
+    return raw
 
 
 def _check_arrays(name: str, points: np.ndarray, triangles: np.ndarray) -> None:
@@ -79,27 +75,17 @@ def _check_stl_length(name: str, data: bytes) -> None:
         raise InputError(name, "the file ends in the middle of the solid", EXPORT_AGAIN)
 
 
-def _check_ply_length(name: str, data: bytes) -> None:
-    """Compare the size of a binary PLY with the least its header promises (every list as three entries)."""
-    end = re.search(rb"end_header\r?\n", data)
-    if not data.startswith(b"ply") or end is None:
+def _ply_arrays(name: str, data: bytes) -> dict[str, np.ndarray]:
+    """Per-vertex numbers of a PLY file that can hold what its header promises."""
+    ply = parse_ply(data)
+    if ply is None:
         raise InputError(name, "the PLY header is damaged", EXPORT_AGAIN)
-    header = data[: end.start()].decode("ascii", "replace").split("\n")
-    least, count, binary = 0, 0, True
-    for line in header:
-        words = line.split()
-        if words[:1] == ["format"]:
-            binary = words[1] != "ascii"
-        elif words[:1] == ["element"] and len(words) == 3 and words[2].isdigit():
-            count = int(words[2])
-        elif words[:2] == ["property", "list"]:
-            least += count * (PLY_BYTES.get(words[2], 1) + (3 * PLY_BYTES.get(words[3], 1) if "ind" in words[4] else 0))
-        elif words[:1] == ["property"]:
-            least += count * PLY_BYTES.get(words[1], 1)
-    body = data[end.end() :]
-    rows = sum(int(line.split()[2]) for line in header if line.startswith("element"))
-    if (binary and len(body) < least) or (not binary and len(body.split(b"\n")) < rows):
+    if not ply.complete:
         raise InputError(name, "the file is shorter than its header promises", EXPORT_AGAIN)
+    try:
+        return ply.vertex_arrays()
+    except ValueError:
+        raise InputError(name, "damaged or truncated PLY file", EXPORT_AGAIN) from None
 
 
 def _read_vtk(name: str, path: Path) -> "pv.DataSet":
@@ -119,14 +105,16 @@ def _read_vtk(name: str, path: Path) -> "pv.DataSet":
     return mesh
 
 
-def _triangles_of(mesh: "pv.DataSet") -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]:
+def _surface_of(name: str, mesh: "pv.DataSet", more: Mapping[str, np.ndarray]) -> RawSurface:
+    """Triangles of a VTK mesh with its scalar point arrays, and `more` of them."""
     import pyvista as pv
 
     if not isinstance(mesh, pv.PolyData):
-        mesh = mesh.extract_surface(algorithm=None)
+        mesh = mesh.extract_surface(pass_pointid=False, pass_cellid=False, algorithm=None)
     surface = mesh.triangulate()
-    triangles = surface.faces.reshape(-1, 4)[:, 1:]
-    return np.asarray(surface.points, np.float64), triangles.astype(np.int64)
+    arrays = {key: np.asarray(values) for key, values in surface.point_data.items()} | dict(more)
+    scalars = {k: a for k, a in arrays.items() if a.shape == (surface.n_points,) and a.dtype.kind in "iuf"}
+    return RawSurface(name, surface.points, surface.faces.reshape(-1, 4)[:, 1:], scalars)
 
 
 def _parse_off(name: str, data: bytes) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]:
