@@ -19,8 +19,6 @@ _TYPES = {
 _ORDER = {"binary_little_endian": "<", "binary_big_endian": ">"}
 _GEOMETRY = ("x", "y", "z", "nx", "ny", "nz")
 _LOOKS = ("red", "green", "blue", "alpha", "s", "t", "u", "v", "texture_u", "texture_v")
-    ["x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "alpha", "s", "t", "u", "v", "texture_u", "texture_v"]
-)
 
 
 @dataclass(frozen=True)
