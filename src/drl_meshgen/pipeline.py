@@ -23,6 +23,7 @@ from drl_meshgen.models import MODELS, RawSurface, existing_file, load
 from drl_meshgen.partition import PartitionOptions, partition
 from drl_meshgen.quality import Quality, measure
 from drl_meshgen.ricci import RicciOptions, solve
+from drl_meshgen.seams import OpenedSurface, SeamOptions, open_surface
 from drl_meshgen.smoothing import SmoothingOptions, optimise
 from drl_meshgen.smoothing.final import FinalMesh
 from drl_meshgen.store import Execution, Progress, Stage, Store, execute
@@ -49,6 +50,7 @@ class MeshOptions:
     """All options of a run; each field belongs to the stage of its name."""
 
     cleanup: CleanupOptions = field(default_factory=CleanupOptions)
+    seams: SeamOptions = field(default_factory=SeamOptions)
     ricci: RicciOptions = field(default_factory=RicciOptions)
     partition: PartitionOptions = field(default_factory=PartitionOptions)
     decompose: DecomposeOptions = field(default_factory=DecomposeOptions)
@@ -74,6 +76,7 @@ class MeshOptions:
         return rivals | {
             "model": ModelOptions(source, triangles),
             "cleanup": self.cleanup,
+            "seams": self.seams,
             "ricci": self.ricci,
             "partition": self.partition,
             "decompose": self.decompose,
@@ -109,14 +112,20 @@ def _cleanup(inputs: Mapping[str, Any], options: CleanupOptions) -> Any:
     return clean(inputs["model"], options)
 
 
+def _seams(inputs: Mapping[str, Any], options: SeamOptions) -> OpenedSurface:
+    """Cut handles and closed surfaces open, so that every component has genus 0 and a boundary."""
+    return open_surface(inputs["cleanup"].surface, options)
+
+
 def _ricci(inputs: Mapping[str, Any], options: RicciOptions) -> Any:
     """Find the flat metric in the surface's conformal class by Newton's method on the discrete Ricci energy."""
-    return solve(inputs["cleanup"].surface, options)
+    return solve(inputs["seams"].mesh, options)
 
 
 def _partition(inputs: Mapping[str, Any], options: PartitionOptions) -> Any:
     """Cut the surface along isocontours of the depth into caps, tubes and junctions."""
-    return partition(inputs["cleanup"].surface, inputs["ricci"].u, options)
+    opened: OpenedSurface = inputs["seams"]
+    return partition(opened.mesh, inputs["ricci"].u, options, opened.seams)
 
 
 def _decompose(inputs: Mapping[str, Any], options: DecomposeOptions) -> Any:
@@ -177,8 +186,9 @@ def _stage(
 STAGES: tuple[Stage[Any, Any], ...] = (
     _stage(_read_model, (), ("drl_meshgen.models",), codecs.MODEL, ModelOptions, identity=_model_identity),
     _stage(_cleanup, ("model",), ("drl_meshgen.cleanup",), codecs.CLEANUP, CleanupOptions),
-    _stage(_ricci, ("cleanup",), ("drl_meshgen.ricci",), codecs.RICCI, RicciOptions),
-    _stage(_partition, ("cleanup", "ricci"), ("drl_meshgen.partition",), codecs.PARTITION, PartitionOptions),
+    _stage(_seams, ("cleanup",), ("drl_meshgen.seams",), codecs.SEAMS, SeamOptions),
+    _stage(_ricci, ("seams",), ("drl_meshgen.ricci",), codecs.RICCI, RicciOptions),
+    _stage(_partition, ("seams", "ricci"), ("drl_meshgen.partition",), codecs.PARTITION, PartitionOptions),
     _stage(_decompose, ("partition",), ("drl_meshgen.decompose",), codecs.LAYOUT, DecomposeOptions),
     _stage(_subdomain, ("partition", "decompose"), ("drl_meshgen.assembly",), codecs.SUBDOMAINS),
     _stage(_assembly, ("decompose", "subdomain"), ("drl_meshgen.assembly",), codecs.ASSEMBLY),

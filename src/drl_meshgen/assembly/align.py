@@ -92,10 +92,33 @@ class Alignment:
     rims: tuple[tuple[Int[np.ndarray, " n"], ...], ...]
 
 
+class _Positions:
+    """Places of the nodes of every curve, None where nobody has placed them yet; both sides of a seam have the same."""
+
+    def __init__(self, layout: Layout) -> None:
+        self._counts = layout.curve_counts
+        self._shared = layout.pieces.shared(len(layout.curve_counts))
+        self._places: list[np.ndarray | None] = [None] * len(layout.curve_counts)
+
+    def __getitem__(self, c: int) -> Float[np.ndarray, " n"] | None:
+        return self._places[self._shared[c]]
+
+    def __setitem__(self, c: int, places: Float[np.ndarray, " n"]) -> None:
+        self._places[self._shared[c]] = places
+
+    def any_of(self, curves: tuple[int, ...]) -> bool:
+        """Whether the nodes of one of `curves` have their places."""
+        return any(self[c] is not None for c in curves)
+
+    def space_evenly(self, c: int) -> None:
+        """Place the nodes of a curve that nothing depends on."""
+        self[c] = np.arange(self._counts[c]) / self._counts[c]
+
+
 def align(partition: Partition, layout: Layout) -> Alignment:
     """Place the nodes of all curves: those of rims and the natural ones of cells first, carried on through tubes."""
     curves = partition.curves
-    positions: list[np.ndarray | None] = [None] * len(curves)
+    positions = _Positions(layout)
     rims = [
         tuple(_align_rim(rim, rim.natural(counts), positions) for rim in junction.rims)
         for junction, counts in zip(layout.pieces.junctions, layout.edge_counts, strict=True)
@@ -108,30 +131,25 @@ def align(partition: Partition, layout: Layout) -> Alignment:
         for junction, counts in zip(layout.pieces.junctions, layout.edge_counts, strict=True)
     ]
     tubes: list[tuple[Columns, Columns] | None] = [None] * len(layout.pieces.tubes)
-    for cap in layout.pieces.caps:
-        if curves[cap.curve].is_boundary:
-            positions[cap.curve] = np.arange(layout.curve_counts[cap.curve]) / layout.curve_counts[cap.curve]
     while any(t is None for t in tubes):
-        ready = [k for k, t in enumerate(tubes) if t is None and _placed(layout, positions, k)]
+        ready = [k for k, t in enumerate(tubes) if t is None and positions.any_of(layout.pieces.tubes[k].curves)]
         if not ready:
-            c = next(layout.pieces.tubes[k].curves[0] for k, t in enumerate(tubes) if t is None)
-            positions[c] = np.arange(layout.curve_counts[c]) / layout.curve_counts[c]
+            positions.space_evenly(next(layout.pieces.tubes[k].curves[0] for k, t in enumerate(tubes) if t is None))
             continue
         for k in ready:
             tubes[k] = _align_tube(layout, curves, positions, k)
+    for cap in layout.pieces.caps:
+        if positions[cap.curve] is None:
+            positions.space_evenly(cap.curve)
     return Alignment(
-        tuple(np.asarray(p, float) for p in positions),
+        tuple(np.asarray(positions[c], float) for c in range(len(curves))),
         tuple(cell_columns),
         tuple(t for t in tubes if t is not None),
         tuple(rims),
     )
 
 
-def _placed(layout: Layout, positions: list[np.ndarray | None], tube: int) -> bool:
-    return any(positions[c] is not None for c in layout.pieces.tubes[tube].curves)
-
-
-def _align_rim(rim: Rim, natural: Float[np.ndarray, " n"], positions: list[np.ndarray | None]) -> Int[np.ndarray, " n"]:
+def _align_rim(rim: Rim, natural: Float[np.ndarray, " n"], positions: _Positions) -> Int[np.ndarray, " n"]:
     n, direction = len(natural), 1 if natural[1] > natural[0] else -1
     order = _order(n, direction)
     held = positions[rim.curve]
@@ -143,14 +161,14 @@ def _align_rim(rim: Rim, natural: Float[np.ndarray, " n"], positions: list[np.nd
 
 
 def _align_cell(
-    curve: Curve, cell: Cell, outer: np.ndarray, positions: list[np.ndarray | None], c: int
+    curve: Curve, cell: Cell, outer: np.ndarray, positions: _Positions, c: int
 ) -> tuple[Columns, np.ndarray]:
     relation = loop_map(cell.ring, cell.ring.inner, curve)
     theta = spread(outer)
     return _meet(relation, theta, positions, c), outer
 
 
-def _meet(relation: LoopMap, theta: Float[np.ndarray, " n"], positions: list[np.ndarray | None], c: int) -> Columns:
+def _meet(relation: LoopMap, theta: Float[np.ndarray, " n"], positions: _Positions, c: int) -> Columns:
     """Let columns at `theta` meet the nodes of curve `c`, which they place where nobody has."""
     n, direction, held = len(theta), relation.direction, positions[c]
     order = _order(n, direction)
@@ -195,7 +213,7 @@ def sector(absorbed: int) -> tuple[int, int]:
 
 
 def _align_tube(
-    layout: Layout, curves: tuple[Curve, ...], positions: list[np.ndarray | None], k: int
+    layout: Layout, curves: tuple[Curve, ...], positions: _Positions, k: int
 ) -> tuple[Columns, Columns]:
     tube = layout.pieces.tubes[k]
     maps = (

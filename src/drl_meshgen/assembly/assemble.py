@@ -45,7 +45,10 @@ class _Nodes:
 def assemble(layout: Layout, subdomains: Subdomains) -> Assembly:
     """Give ids to all nodes, stack the pieces into bands and cut these into structured blocks."""
     nodes = _Nodes()
-    curves = [nodes.new(int(n)) for n in layout.curve_counts]
+    shared = layout.pieces.shared(len(layout.curve_counts)).tolist()
+    curves: list[np.ndarray] = []
+    for c, n in enumerate(layout.curve_counts.tolist()):
+        curves.append(nodes.new(n) if shared[c] == c else curves[shared[c]])
     annuli: list[Annulus] = []
     fills, strip_fills, rims = iter(subdomains.rings), iter(subdomains.strips), iter(subdomains.rims)
     patches, transitions = [], []
@@ -57,7 +60,7 @@ def assemble(layout: Layout, subdomains: Subdomains) -> Assembly:
             outer = np.concatenate([side[:-1] for side in sides])
             inner = nodes.new((len(one.chart) - 2) * len(outer)).reshape(-1, len(outer))
             ids = np.vstack([curves[c][one.first], inner, outer])
-            annuli.append(Annulus(ids, c, -1, _feet(sides), is_cell=True))
+            annuli.append(Annulus(ids, shared[c], -1, _feet(sides), is_cell=True))
         patches += [_patch([edges[e] for e in strip.sides], next(strip_fills), nodes) for strip in junction.strips]
     ring_ids = [annulus.ids for annulus in annuli]
     for tube in layout.pieces.tubes:
@@ -70,12 +73,12 @@ def assemble(layout: Layout, subdomains: Subdomains) -> Assembly:
         else:
             inner = nodes.new((len(one.chart) - 2) * len(one.first)).reshape(-1, len(one.first))
             ring_ids.append(np.vstack([curves[a][one.first], inner, curves[b][one.last]]))
-            annuli.append(Annulus(ring_ids[-1], a, b))
+            annuli.append(Annulus(ring_ids[-1], shared[a], shared[b]))
     cores, cap_ids = [], []
     for cap, one in zip(layout.pieces.caps, subdomains.caps, strict=True):
         n = len(one.first)
         ids = np.r_[curves[cap.curve][one.first], nodes.new(len(one.chart) - n)]
-        annuli.append(Annulus(ids[: n * (one.layers + 1)].reshape(-1, n), cap.curve, -1, one.corners))
+        annuli.append(Annulus(ids[: n * (one.layers + 1)].reshape(-1, n), shared[cap.curve], -1, one.corners))
         cores.append(ids[one.core])
         cap_ids.append(ids)
     piece, chart = nodes.arrays()

@@ -53,8 +53,14 @@ def blocks(annuli: list[Annulus]) -> list[Int[np.ndarray, "ni1 nj1"]]:
             shift = int(np.nonzero(piece.ids[-1] == rows[0, 0])[0][0])
             rows = np.vstack([np.roll(piece.ids, -shift, axis=1)[:-1], rows])
             here = piece.first
-        grids += _cut(rows, annuli[k].feet)
+        grids += [grid for part in _unrolled(rows) for grid in _cut(part, annuli[k].feet)]
     return grids
+
+
+def _unrolled(rows: Int[np.ndarray, "r n"]) -> list[np.ndarray]:
+    """Halves of a band that a handle closes on itself, else the band: no block may touch itself."""
+    middle = len(rows) // 2
+    return [rows[: middle + 1], rows[middle:]] if np.isin(rows[0], rows[-1]).any() else [rows]
 
 
 def _cut(rows: Int[np.ndarray, "r n"], feet: tuple[int, ...]) -> list[np.ndarray]:

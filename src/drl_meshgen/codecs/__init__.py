@@ -11,6 +11,7 @@ from drl_meshgen.codecs.model import MODEL
 from drl_meshgen.codecs.partition import PARTITION
 from drl_meshgen.codecs.quality import QUALITY
 from drl_meshgen.codecs.ricci import RICCI
+from drl_meshgen.codecs.seams import SEAMS
 from drl_meshgen.codecs.subdomains import SUBDOMAINS
 
 __all__ = [
@@ -24,6 +25,7 @@ __all__ = [
     "PARTITION",
     "QUALITY",
     "RICCI",
+    "SEAMS",
     "SUBDOMAINS",
     "Codec",
 ]

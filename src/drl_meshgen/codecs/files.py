@@ -200,3 +200,16 @@ def write_facts(folder: Path, **facts: str | float) -> None:
 def read_facts(folder: Path) -> Any:
     """Read what `write_facts` wrote, as a named tuple."""
     return read_rows(folder / "facts.parquet")[0]
+
+
+def sewn_to(seams: Sequence[tuple[int, int]], n: int) -> Int[np.ndarray, " n"]:
+    """Return for each of `n` curves the other side of its seam, -1 where it is not on one."""
+    other = np.full(n, -1)
+    for first, second in seams:
+        other[first], other[second] = second, first
+    return other
+
+
+def seams_of(other: Iterable[int]) -> tuple[tuple[int, int], ...]:
+    """Return the pairs that `sewn_to` was made of."""
+    return tuple((first, int(second)) for first, second in enumerate(other) if second > first)

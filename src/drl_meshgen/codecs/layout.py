@@ -19,6 +19,8 @@ from drl_meshgen.codecs.files import (
     read_grid,
     read_lines,
     read_rows,
+    seams_of,
+    sewn_to,
     reals,
     write_facts,
     write_grid,
@@ -46,7 +48,12 @@ def write(layout: Layout, folder: Path) -> None:
         share=[cap.share for cap in layout.pieces.caps],
     )
     _write_junctions(layout, folder)
-    write_rows(folder / "curves.parquet", curve=range(len(layout.curve_counts)), count=layout.curve_counts.tolist())
+    write_rows(
+        folder / "curves.parquet",
+        curve=range(len(layout.curve_counts)),
+        count=layout.curve_counts.tolist(),
+        sewn_to=sewn_to(layout.pieces.seams, len(layout.curve_counts)),
+    )
     write_facts(folder, spacing=layout.spacing)
 
 
@@ -153,10 +160,11 @@ def read(folder: Path) -> Layout:
             cells.setdefault(row.junction, []).append(Cell(ring, tuple(sides), integers(row.starts)))
             counts.setdefault(row.junction, []).append(row.rows)
     junctions, edge_counts = _read_junctions(folder, cells, strips)
+    curves = read_table(folder / "curves.parquet")
     return Layout(
-        Pieces(junctions, tuple(tubes), caps),
+        Pieces(junctions, tuple(tubes), caps, seams_of(curves["sewn_to"])),
         edge_counts,
-        integers(read_table(folder / "curves.parquet")["count"]),
+        integers(curves["count"]),
         tuple(integers(counts[j]) for j in range(len(junctions))),
         integers(tube_rows),
         read_facts(folder).spacing,

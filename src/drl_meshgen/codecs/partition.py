@@ -13,6 +13,8 @@ from drl_meshgen.codecs.files import (
     read_facts,
     read_grid,
     read_rows,
+    seams_of,
+    sewn_to,
     write_facts,
     write_grid,
     write_rows,
@@ -36,6 +38,7 @@ def write(result: Partition, folder: Path) -> None:
         curve=range(len(result.curves)),
         level=[c.level for c in result.curves],
         is_boundary=[c.is_boundary for c in result.curves],
+        sewn_to=sewn_to(result.seams, len(result.curves)),
         vertices=[c.vertices for c in result.curves],
     )
     write_rows(
@@ -63,6 +66,7 @@ def read(folder: Path) -> Partition:
         read_table(folder / "merges.parquet"),
         read_table(folder / "isovalues.parquet"),
         Outcome[read_facts(folder).outcome],
+        seams_of([c.sewn_to for c in curves]),
     )
 
 

@@ -49,11 +49,22 @@ class Cap:
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Everything the counts and the fill need to know about the regions."""
+    """Everything the counts and the fill need to know about the regions.
+
+    `seams` are pairs of curves that are one on the surface, the first of which stands for both.
+    """
 
     junctions: tuple[Junction, ...]
     tubes: tuple[Tube, ...]
     caps: tuple[Cap, ...]
+    seams: tuple[tuple[int, int], ...] = ()
+
+    def shared(self, n_curves: int) -> Int[np.ndarray, " c"]:
+        """Curve whose nodes each of `n_curves` curves has: its own, or those of the other side of its seam."""
+        of = np.arange(n_curves)
+        for first, second in self.seams:
+            of[second] = first
+        return of
 
     @property
     def rings(self) -> tuple[Ring, ...]:
@@ -91,7 +102,7 @@ def pieces(partition: Partition, exponents: tuple[float, ...], *, strips: bool) 
             if junction is None:
                 raise StageError("decompose", PieceOutcome.NO_RINGS, f"region {r} with {len(region.loops)} loops")
             junctions.append(junction)
-    return Pieces(tuple(junctions), tuple(tubes), tuple(caps))
+    return Pieces(tuple(junctions), tuple(tubes), tuple(caps), partition.seams)
 
 
 def _cap(curve: int, mesh: TriMesh, ids: np.ndarray) -> Cap:

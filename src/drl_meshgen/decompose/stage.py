@@ -117,7 +117,7 @@ class _Sizing:
         for cap in parts.caps:
             self.least[self.n_edges + cap.curve] = options.least_cap
         self.sums: list[tuple[int, tuple[int, ...]]] = []
-        self.equal: list[tuple[int, int]] = []
+        self.equal: list[tuple[int, int]] = [(self.n_edges + a, self.n_edges + b) for a, b in parts.seams]
         self.steps: list[tuple[int, int]] = []
         for tube in parts.tubes:
             ends = sorted(tube.curves, key=lambda c: -girth[c])

@@ -9,6 +9,12 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 
+def graph_components(edges: Int[np.ndarray, "e 2"], n: int) -> Int[np.ndarray, " n"]:
+    """Component of each of `n` nodes of an undirected graph, numbered by their smallest node."""
+    graph = coo_matrix((np.ones(len(edges), np.int8), (edges[:, 0], edges[:, 1])), (n, n))
+    return connected_components(graph, directed=False)[1]
+
+
 @dataclass(frozen=True, eq=False)
 class Topology:
     """Edge incidence of `m` faces with `k` corners over `n` vertices.
@@ -114,10 +120,8 @@ class Topology:
     @cached_property
     def components(self) -> tuple[int, np.ndarray]:
         """Number of components and component of each face, joined through edges."""
-        pair = self.edge_faces[self.edge_count > 1]
-        graph = coo_matrix((np.ones(len(pair)), (pair[:, 0], pair[:, 1])), (len(self.faces),) * 2)
-        n, label = connected_components(graph, directed=False)
-        return int(n), label
+        label = graph_components(self.edge_faces[self.edge_count > 1], len(self.faces))
+        return int(label.max(initial=-1)) + 1, label
 
     @cached_property
     def misoriented_edges(self) -> np.ndarray:

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from drl_meshgen.mesh.topology import Topology
+from drl_meshgen.mesh.topology import Topology, graph_components
 
 
 def frozen(array: np.ndarray, dtype: type) -> np.ndarray:
@@ -75,6 +75,11 @@ class TriMesh:
             angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("fi,fi->f", a, b))
             np.add.at(total, self.triangles[:, k], angle[:, None] * self.normals)
         return total
+
+    @cached_property
+    def vertex_components(self) -> Int[np.ndarray, " v"]:
+        """Component of each vertex, numbered by their smallest vertex."""
+        return graph_components(self.topology.edges, len(self.vertices))
 
     @cached_property
     def vertex_triangles(self) -> tuple[Int[np.ndarray, " v1"], Int[np.ndarray, " 3f"]]:

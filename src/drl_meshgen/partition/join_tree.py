@@ -43,7 +43,7 @@ class JoinTree:
 def join_tree(
     edges: Int[np.ndarray, "e 2"], depth: Float[np.ndarray, " v"], persistence: float, min_arc: float
 ) -> JoinTree:
-    """Build the join tree of `depth` on the graph `edges` and simplify it.
+    """Build the join tree of `depth` on the graph `edges`, one for each of its components, and simplify it.
 
     Tips of less than `persistence` are absorbed; saddles joined by an arc shorter than `min_arc` become one junction.
     Both are in units of the depth (log scale).
@@ -52,9 +52,9 @@ def join_tree(
     merges = _merges(edges, depth, basin)
     significant = merges.persistence.to_numpy() >= persistence
     merges["significant"] = significant
-    top = int(np.lexsort((np.arange(len(depth)), depth))[-1])
-    tips = (top, *merges.dies[significant].astype(int))
-    return JoinTree(merges, tuple(sorted(tips)), _arcs(merges, depth, top, min_arc), _absorbed(basin, merges))
+    tops = np.setdiff1d(basin, merges.dies).tolist()
+    tips = (*tops, *merges.dies[significant].astype(int))
+    return JoinTree(merges, tuple(sorted(tips)), _arcs(merges, depth, tops, min_arc), _absorbed(basin, merges))
 
 
 def _ranks(depth: np.ndarray) -> np.ndarray:
@@ -119,7 +119,7 @@ def _absorbed(basin: np.ndarray, merges: pd.DataFrame) -> np.ndarray:
         target = further
 
 
-def _arcs(merges: pd.DataFrame, depth: np.ndarray, top: int, min_arc: float) -> tuple[Arc, ...]:
+def _arcs(merges: pd.DataFrame, depth: np.ndarray, tops: list[int], min_arc: float) -> tuple[Arc, ...]:
     """Arcs between tips, junctions (clusters of saddles) and the root, highest junction first."""
     alive: dict[int, tuple[tuple[int, ...], float, int]] = {}  # tip -> tips below, level it starts from, junction
     arcs: list[Arc] = []
@@ -145,6 +145,7 @@ def _arcs(merges: pd.DataFrame, depth: np.ndarray, top: int, min_arc: float) -> 
             junction, n_junctions = n_junctions, n_junctions + 1
         arcs += [Arc(tips, float(saddle), high, upper, junction) for tips, high, upper in parts]
         alive[int(survives)] = (component(int(survives))[0] + component(int(dies))[0], float(saddle), junction)
-    tips, high, upper = component(top)
-    arcs.append(Arc(tips, 0.0, high, upper, -1))
+    for top in tops:
+        tips, high, upper = component(top)
+        arcs.append(Arc(tips, 0.0, high, upper, -1))
     return tuple(arcs)

@@ -94,12 +94,16 @@ def choose_levels(
     surface: TriMesh, depth: Float[np.ndarray, " v"], tree: JoinTree, options: PartitionOptions
 ) -> tuple[Level, ...]:
     """Choose the isovalues: each strictly inside its own arc, the shortest contour near a junction preferred."""
-    boundary = max((_loop_length(surface, loop) for loop in surface.topology.loops), default=0.0)
-    # with several loops at depth 0 a contour around one of them says nothing about a bottleneck
-    rim = boundary if len(surface.topology.loops) == 1 else 0.0
+    component = surface.vertex_components
+    rims: dict[int, list[float]] = {}
+    for loop in surface.topology.loops:
+        rims.setdefault(int(component[loop[0]]), []).append(_loop_length(surface, loop))
     levels: list[Level] = []
     for index, arc in enumerate(tree.arcs):
         faces = np.asarray(np.isin(tree.basin[surface.triangles], arc.tips).any(axis=1))
+        loops = rims[int(component[arc.tips[0]])]
+        # with several loops at depth 0 a contour around one of them says nothing about a bottleneck
+        rim = loops[0] if len(loops) == 1 else 0.0
         levels += _levels_of(_ArcContours(index, arc, surface, depth, faces), rim, options)
     return tuple(levels)
 

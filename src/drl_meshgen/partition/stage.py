@@ -6,22 +6,21 @@ from enum import Enum
 import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from drl_meshgen.errors import StageError
 from drl_meshgen.mesh import TriMesh
-from drl_meshgen.mesh.topology import Topology
+from drl_meshgen.mesh.topology import Topology, graph_components
 from drl_meshgen.partition.cutting import CutSurface, cut
 from drl_meshgen.partition.join_tree import join_tree
 from drl_meshgen.partition.levels import Level, PartitionOptions, choose_levels, isovalue_table
+from drl_meshgen.seams import Seam
 
 
 class Outcome(Enum):
     """Verdicts of the partition."""
 
     DONE = "the regions cover the surface"
-    NO_BOUNDARY = "the surface has no boundary, so the depth has no zero level"
+    NO_BOUNDARY = "a component of the surface has no boundary, so the depth has no zero level there"
     BAD_REGION = "a region is not a disk, tube or junction with loops"
 
 
@@ -35,7 +34,7 @@ class RegionKind(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A closed curve of vertices of the cut surface: a contour or a boundary loop."""
+    """A closed curve of vertices of the cut surface: a contour, a boundary loop or one side of a seam."""
 
     vertices: Int[np.ndarray, " n"]
     is_boundary: bool
@@ -60,7 +59,10 @@ class Region:
 
 @dataclass(frozen=True, eq=False)
 class Partition:
-    """Regions of the cut surface. `region (f,)` is the region of each triangle; curves are shared by neighbours."""
+    """Regions of the cut surface. `region (f,)` is the region of each triangle; curves are shared by neighbours.
+
+    `seams` are pairs of curves that are one on the surface: vertex `k` of both is the same point.
+    """
 
     surface: CutSurface
     curves: tuple[Curve, ...]
@@ -69,6 +71,7 @@ class Partition:
     merges: pd.DataFrame
     isovalues: pd.DataFrame
     outcome: Outcome
+    seams: tuple[tuple[int, int], ...] = ()
 
 
 def smoothed_depth(surface: TriMesh, u: Float[np.ndarray, " v"], sweeps: int) -> Float[np.ndarray, " v"]:
@@ -83,47 +86,54 @@ def smoothed_depth(surface: TriMesh, u: Float[np.ndarray, " v"], sweeps: int) ->
     return depth
 
 
-def partition(surface: TriMesh, u: Float[np.ndarray, " v"], options: PartitionOptions | None = None) -> Partition:
+def partition(
+    surface: TriMesh,
+    u: Float[np.ndarray, " v"],
+    options: PartitionOptions | None = None,
+    seams: tuple[Seam, ...] = (),
+) -> Partition:
     """Cut `surface` along isocontours of the depth of the log conformal factor `u` into caps, tubes and junctions.
 
-    Raises `StageError` when the surface is closed or a region has no loop.
+    `surface` may have several components; where it was opened along `seams`, these join regions as contours do.
+
+    Raises `StageError` when a component is closed or a region has no loop.
     """
     options = options or PartitionOptions()
-    if not surface.topology.loops:
+    component = surface.vertex_components
+    root = {int(component[loop[0]]): int(loop[0]) for loop in reversed(surface.topology.loops)}
+    if len(root) < surface.topology.components[0]:
         raise StageError("partition", Outcome.NO_BOUNDARY)
     depth = smoothed_depth(surface, u, options.smoothing)
     tree = join_tree(surface.topology.edges, depth, options.persistence, options.min_arc)
     whole = CutSurface.whole(surface, depth)
     levels, done = [], whole
     for level in choose_levels(surface, depth, tree, options):
-        inside = filled_superlevel(done, level, int(surface.topology.loops[0][0]))
+        inside = filled_superlevel(done, level, root[int(component[level.tip])])
         if inside is not None:
             done = cut(done, inside, level.value, len(levels))
             levels.append(level)
-    curves = _curves(done, tuple(levels))
+    curves, pairs = _curves(done, tuple(levels), seams)
     region, regions = _regions(done, curves)
-    return Partition(done, curves, region, regions, tree.merges, isovalue_table(tree, tuple(levels)), Outcome.DONE)
+    isovalues = isovalue_table(tree, tuple(levels))
+    return Partition(done, curves, region, regions, tree.merges, isovalues, Outcome.DONE, pairs)
 
 
 def filled_superlevel(surface: CutSurface, level: Level, root: int) -> np.ndarray | None:
     """Vertices of the superlevel component of `level` with its holes filled, so that its border is one closed curve.
 
-    A hole is a component of the complement without the vertex `root` (on the main boundary). None when the component
-    is the whole surface or only a tip of it is left.
+    A hole is a component of the complement without the vertex `root` (on the main boundary of that component of the
+    surface). None when the component is the whole surface or only a tip of it is left.
     """
+    here = surface.mesh.vertex_components
+    here = here == here[root]
     edges = surface.mesh.topology.edges
     above = surface.depth > level.value
-    label = _components(edges[above[edges].all(1)], len(above))
+    label = graph_components(edges[above[edges].all(1)], len(above))
     core = label == label[level.tip]
-    rest = ~core
-    outside = _components(edges[rest[edges].all(1)], len(above))
+    rest = here & ~core
+    outside = graph_components(edges[rest[edges].all(1)], len(above))
     inside = core | (rest & (outside != outside[root]))
-    return inside if above[level.tip] and 3 < inside.sum() < len(inside) - 3 else None
-
-
-def _components(edges: np.ndarray, n: int) -> np.ndarray:
-    graph = coo_matrix((np.ones(len(edges), np.int8), (edges[:, 0], edges[:, 1])), (n, n))
-    return connected_components(graph, directed=False)[1]
+    return inside if above[level.tip] and 3 < inside.sum() < here.sum() - 3 else None
 
 
 def trace(edges: Int[np.ndarray, "e 2"]) -> list[Int[np.ndarray, " n"]]:
@@ -147,20 +157,28 @@ def trace(edges: Int[np.ndarray, "e 2"]) -> list[Int[np.ndarray, " n"]]:
     return curves
 
 
-def _curves(surface: CutSurface, levels: tuple[Level, ...]) -> tuple[Curve, ...]:
+def _curves(
+    surface: CutSurface, levels: tuple[Level, ...], seams: tuple[Seam, ...]
+) -> tuple[tuple[Curve, ...], tuple[tuple[int, int], ...]]:
+    """Contours, then both sides of the seams, then boundary loops; and which curves are sides of one seam."""
     edges = surface.mesh.topology.edges
     c = surface.contour
     curves = []
     for n, level in enumerate(levels):
         curves += [Curve(v, is_boundary=False, level=level.value) for v in trace(edges[(c[edges] == n).all(1)])]
-    return (*curves, *(Curve(loop, is_boundary=True, level=0.0) for loop in surface.mesh.topology.loops))
+    pairs = tuple((len(curves) + 2 * k, len(curves) + 2 * k + 1) for k in range(len(seams)))
+    for seam in seams:
+        curves += [Curve(side, is_boundary=False, level=0.0) for side in (seam.left, seam.right)]
+    sewn = {int(v) for seam in seams for v in (*seam.left, *seam.right)}
+    loops = (loop for loop in surface.mesh.topology.loops if int(loop[0]) not in sewn)
+    return (*curves, *(Curve(loop, is_boundary=True, level=0.0) for loop in loops)), pairs
 
 
 def _regions(surface: CutSurface, curves: tuple[Curve, ...]) -> tuple[np.ndarray, tuple[Region, ...]]:
     topology = surface.mesh.topology
     c = surface.contour[topology.edges]
     open_edge = (topology.edge_count == 2) & ~((c[:, 0] >= 0) & (c[:, 0] == c[:, 1]))
-    label = _components(topology.edge_faces[open_edge], len(surface.mesh.triangles))
+    label = graph_components(topology.edge_faces[open_edge], len(surface.mesh.triangles))
     curve_of = np.full(len(surface.mesh.vertices), -1)
     for n, curve in enumerate(curves):
         curve_of[curve.vertices] = n
