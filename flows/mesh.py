@@ -20,7 +20,20 @@ from drl_meshgen.store import ArtifactRef, Execution, Store, reopen
 from flows import dashboard
 from flows.chain import BELOW_GATE, FINE, Outcome, exit_code, run_chain
 from flows.server import ServerError, connected
-from tasks import assembly, cleanup, comparison, decompose, lift, model, partition, quality, ricci, seams, smoothing, subdomain
+from tasks import (
+    assembly,
+    cleanup,
+    comparison,
+    decompose,
+    lift,
+    model,
+    partition,
+    quality,
+    ricci,
+    seams,
+    smoothing,
+    subdomain,
+)
 from tasks.report import report as report_task
 
 TASKS = {

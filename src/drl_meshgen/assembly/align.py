@@ -212,9 +212,7 @@ def sector(absorbed: int) -> tuple[int, int]:
     return 2 + 3 * absorbed, 2 + absorbed
 
 
-def _align_tube(
-    layout: Layout, curves: tuple[Curve, ...], positions: _Positions, k: int
-) -> tuple[Columns, Columns]:
+def _align_tube(layout: Layout, curves: tuple[Curve, ...], positions: _Positions, k: int) -> tuple[Columns, Columns]:
     tube = layout.pieces.tubes[k]
     maps = (
         loop_map(tube.ring, tube.ring.inner, curves[tube.curves[0]]),

@@ -13,9 +13,7 @@ from drl_meshgen.seams import OpenedSurface, Seam, SeamKind
 
 def write(result: OpenedSurface, folder: Path) -> None:
     """Write the opened surface and its seams."""
-    write_grid(
-        folder / "surface.vtu", result.mesh.vertices, result.mesh.triangles, cell={"parent": result.parent}
-    )
+    write_grid(folder / "surface.vtu", result.mesh.vertices, result.mesh.triangles, cell={"parent": result.parent})
     write_rows(
         folder / "seams.parquet",
         kind=[seam.kind.name for seam in result.seams],
@@ -29,8 +27,7 @@ def read(folder: Path) -> OpenedSurface:
     """Read the opened surface and its seams."""
     grid = read_grid(folder / "surface.vtu")
     seams = tuple(
-        Seam(integers(row.left), integers(row.right), SeamKind[row.kind])
-        for row in read_rows(folder / "seams.parquet")
+        Seam(integers(row.left), integers(row.right), SeamKind[row.kind]) for row in read_rows(folder / "seams.parquet")
     )
     return OpenedSurface(grid.surface, grid.cell["parent"], seams, read_table(folder / "table.parquet"))
 
