@@ -160,7 +160,9 @@ def mesh(
 
 
 def main(
-    surfaces: Annotated[list[str], typer.Argument(help="Model names (hemisphere, giraffe, hand) or files.")],
+    surfaces: Annotated[
+        list[str], typer.Argument(help="Model names (hemisphere, giraffe, hand, random:SEED) or files.")
+    ],
     *,
     target_quads: Annotated[int | None, typer.Option(min=4, help="Wanted number of quads.")] = None,
     triangles: Annotated[int, typer.Option(help="Size of generated models.")] = ModelOptions.triangles,

@@ -46,7 +46,9 @@ def _common(
 def mesh(
     inputs: Annotated[
         list[str],
-        typer.Argument(metavar="INPUT", help="Names (hemisphere, giraffe, hand) or files (STL PLY OBJ OFF VTP VTU)."),
+        typer.Argument(
+            metavar="INPUT", help="Names (hemisphere, giraffe, hand, random:SEED) or files (STL PLY OBJ OFF VTP VTU)."
+        ),
     ],
     out: Annotated[Path, typer.Option(metavar="DIR", file_okay=False, help="Gets one folder per input.")],
     *,

@@ -19,7 +19,7 @@ from drl_meshgen.cleanup import CleanupOptions, clean
 from drl_meshgen.decompose import DecomposeOptions, decompose
 from drl_meshgen.lift.inverse import LiftedMesh, inverse_map
 from drl_meshgen.mesh import BlockMesh, TriMesh
-from drl_meshgen.models import MODELS, RawSurface, existing_file, load
+from drl_meshgen.models import RawSurface, existing_file, is_generated, load
 from drl_meshgen.partition import PartitionOptions, partition
 from drl_meshgen.quality import Quality, measure
 from drl_meshgen.ricci import RicciOptions, solve
@@ -96,7 +96,7 @@ def _one_thread(run: Callable[[Mapping[str, Any], Any], Any]) -> Callable[[Mappi
 
 
 def _model_identity(options: ModelOptions) -> object:
-    if options.source in MODELS:
+    if is_generated(options.source):
         return options
     path = existing_file(options.source)
     return {"name": path.name, "content": file_digest(path)}

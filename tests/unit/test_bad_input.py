@@ -87,7 +87,9 @@ def test_a_folder_is_refused(tmp_path):
 
 
 def test_a_missing_file_without_a_suffix_may_be_a_misspelt_model():
-    assert refuses("no such file", load, "girafe").endswith("no model of that name (hemisphere, giraffe, hand)")
+    assert refuses("no such file", load, "girafe").endswith(
+        "no model of that name (hemisphere, giraffe, hand, random:SEED)"
+    )
 
 
 def test_unknown_types_say_what_can_be_read(tmp_path):

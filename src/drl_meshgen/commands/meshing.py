@@ -23,7 +23,7 @@ from drl_meshgen.commands.output import (
     write_rivals,
 )
 from drl_meshgen.errors import InputError, MeshgenError
-from drl_meshgen.models import MODELS
+from drl_meshgen.models import is_generated
 from drl_meshgen.pipeline import MeshOptions
 from drl_meshgen.quality import Quality, gate
 from drl_meshgen.store import Execution, Store
@@ -77,7 +77,7 @@ def mesh_all(request: Request) -> int:
 
 
 def _label(source: str) -> str:
-    return source if source in MODELS else Path(source).name or source
+    return source if is_generated(source) else Path(source).name or source
 
 
 @contextmanager

@@ -14,7 +14,7 @@ import pandas as pd
 from drl_meshgen.codecs import COMPARISON
 from drl_meshgen.commands.settings import to_toml
 from drl_meshgen.export import write_block_mesh, write_surface_ply, write_table
-from drl_meshgen.models import MODELS
+from drl_meshgen.models import is_generated
 from drl_meshgen.partition import Partition
 from drl_meshgen.pipeline import MeshOptions
 from drl_meshgen.store import Execution
@@ -28,7 +28,8 @@ def folder_names(sources: Sequence[str]) -> tuple[str, ...]:
     names: list[str] = []
     taken: set[str] = set()
     for source in sources:
-        stem = source if source in MODELS else Path(source).stem.strip(". ") or "surface"
+        generated = is_generated(source)
+        stem = source.replace(":", "-") if generated else Path(source).stem.strip(". ") or "surface"
         name, n = stem, 1
         while name.lower() in taken:
             n += 1

@@ -111,6 +111,11 @@ def contour(
 
 
 def cut(mesh: TriMesh, opening: Callable[[np.ndarray], np.ndarray]) -> TriMesh:
+    """Return the largest component of what `clipped` leaves."""
+    return largest_component(clipped(mesh, opening))
+
+
+def clipped(mesh: TriMesh, opening: Callable[[np.ndarray], np.ndarray]) -> TriMesh:
     """Keep the part of the mesh where `opening` is positive; cut edges are split at its linear zero."""
     import pyvista as pv
 
@@ -119,7 +124,7 @@ def cut(mesh: TriMesh, opening: Callable[[np.ndarray], np.ndarray]) -> TriMesh:
     surface = pv.PolyData.from_regular_faces(mesh.vertices, mesh.triangles)
     surface.point_data["opening"] = np.where(np.abs(value) < tiny, tiny, value)
     kept = surface.clip_scalar(scalars="opening", value=0.0, invert=False).triangulate()
-    return largest_component(TriMesh(np.asarray(kept.points, np.float64), kept.regular_faces.astype(np.int64)))
+    return TriMesh(np.asarray(kept.points, np.float64), kept.regular_faces.astype(np.int64))
 
 
 def largest_component(mesh: TriMesh) -> TriMesh:
