@@ -5,7 +5,6 @@ fold.
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -14,7 +13,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import SuperLU, splu
 
 from drl_meshgen.mesh import TriMesh
-from drl_meshgen.mesh.cutgraph import corner_classes
+from drl_meshgen.mesh.cutgraph import corners_left_of
 
 #: Smallest and largest weight of an edge, per triangle at it.
 WEIGHT_RANGE = (0.02, 20.0)
@@ -66,6 +65,19 @@ def factorised(matrix: csc_matrix) -> SuperLU:
     return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
+def jump_load(
+    mesh: TriMesh, weights: Float[np.ndarray, "f 3"], offset: Float[np.ndarray, "f 3"]
+) -> Float[np.ndarray, " v"]:
+    """Right-hand side for `theta (v,)` such that the function `theta[triangles] + offset` is harmonic."""
+    n = len(mesh.vertices)
+    load = np.zeros(n)
+    for k in range(3):
+        a, b = (k + 1) % 3, (k + 2) % 3
+        pull = weights[:, k] * (offset[:, a] - offset[:, b])
+        load += np.bincount(mesh.triangles[:, b], pull, n) - np.bincount(mesh.triangles[:, a], pull, n)
+    return load
+
+
 def dirichlet(matrix: csc_matrix, known: Int[np.ndarray, " k"], values: Float[np.ndarray, "k c"]) -> np.ndarray:
     """Harmonic extension `(v, c)` of `values` at vertices `known`."""
     n = len(matrix.indptr) - 1
@@ -89,11 +101,7 @@ def ring_chart(mesh: TriMesh, first: Int[np.ndarray, " a"], second: Int[np.ndarr
     known = np.r_[first, second]
     h = dirichlet(matrix, known, np.r_[np.zeros(len(first)), np.ones(len(second))][:, None])[:, 0]
     offset = _jump(mesh, first, second)
-    load = np.zeros(len(h))
-    for k in range(3):
-        a, b = (k + 1) % 3, (k + 2) % 3
-        pull = weights[:, k] * (offset[:, a] - offset[:, b])
-        load += np.bincount(mesh.triangles[:, b], pull, len(h)) - np.bincount(mesh.triangles[:, a], pull, len(h))
+    load = jump_load(mesh, weights, offset)
     theta = np.zeros(len(h))
     theta[1:] = factorised(matrix[1:, 1:].tocsc()).solve(load[1:])
     corner = theta[mesh.triangles] + offset
@@ -112,21 +120,7 @@ def _jump(mesh: TriMesh, first: np.ndarray, second: np.ndarray) -> Float[np.ndar
     while before[path[-1]] >= 0:
         path.append(int(before[path[-1]]))
     path.reverse()
-    steps = np.sort(np.c_[path[:-1], path[1:]], axis=1)
-    flags = np.zeros(len(edges), bool)
-    flags[np.searchsorted(edges[:, 0] * n + edges[:, 1], steps[:, 0] * n + steps[:, 1])] = True
-    classes = corner_classes(mesh.topology, flags)
-    tri = mesh.triangles
-    ahead = dict(pairwise(path))
-    on_path = np.zeros(n, bool)
-    on_path[path] = True
-    left: set[int] = set()
-    for f in np.nonzero(on_path[tri].sum(1) > 1)[0].tolist():
-        for k in range(3):
-            a, b = int(tri[f, k]), int(tri[f, (k + 1) % 3])
-            if ahead.get(a) == b:
-                left |= {int(classes[f, k]), int(classes[f, (k + 1) % 3])}
-    return np.isin(classes, sorted(left)).astype(float)
+    return corners_left_of(mesh.topology, np.array(path), closed=False).astype(float)
 
 
 def disk_chart(mesh: TriMesh, loop: Int[np.ndarray, " b"], angle: Float[np.ndarray, " b"]) -> Float[np.ndarray, "v 2"]:

@@ -1,7 +1,7 @@
 """Opening a mesh along some of its edges."""
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool, Int
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -30,3 +30,21 @@ def corner_classes(topology: Topology, cut_edge: np.ndarray) -> Int[np.ndarray, 
     rank = np.empty(len(first), np.int64)
     rank[np.argsort(first, kind="stable")] = np.arange(len(first))
     return rank[label].reshape(-1, k)
+
+
+def corners_left_of(topology: Topology, curve: Int[np.ndarray, " n"], *, closed: bool) -> Bool[np.ndarray, "m k"]:
+    """Face corners at the vertices of `curve` that lie on its left; `curve` is a simple path along edges.
+
+    A path that is not closed runs from boundary to boundary.
+    """
+    n = topology.n_vertices
+    tail, head = (curve, np.roll(curve, -1)) if closed else (curve[:-1], curve[1:])
+    edges = topology.edges
+    flags = np.zeros(len(edges), bool)
+    flags[np.searchsorted(edges @ (n, 1), np.minimum(tail, head) * n + np.maximum(tail, head))] = True
+    classes = corner_classes(topology, flags)
+    side = np.isin(topology.faces * n + np.roll(topology.faces, -1, axis=1), tail * n + head)
+    left = np.zeros(classes.max() + 1, bool)
+    left[classes[side]] = True
+    left[np.roll(classes, -1, axis=1)[side]] = True
+    return left[classes]

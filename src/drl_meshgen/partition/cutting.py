@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from drl_meshgen.mesh import TriMesh
 from drl_meshgen.mesh.topology import Topology
@@ -31,30 +31,36 @@ class CutSurface:
         return CutSurface(surface, depth, np.arange(len(surface.triangles)), np.full(len(surface.vertices), -1))
 
 
-def cut(surface: CutSurface, inside: np.ndarray, level: float, contour: int) -> CutSurface:
-    """Split every triangle that has corners both in and out of `inside (v,)` (bool) where depth passes `level`.
+@dataclass(frozen=True, eq=False)
+class Split:
+    """A mesh whose crossed edges carry a new vertex each, in the order of the edges, after the old ones.
 
-    The crossing of edge `ij` is `v_i + (level - f_i) / (f_j - f_i) (v_j - v_i)` (eq. 9), kept clear of the ends.
+    `parent (f,)` is the old triangle of each triangle, `chords (c, 2)` the new vertices joined across a triangle.
     """
-    vertices, triangles = surface.mesh.vertices, surface.mesh.triangles
-    edges = surface.mesh.topology.edges
-    crossed = inside[edges[:, 0]] != inside[edges[:, 1]]
-    a, b = edges[crossed].T
-    fa, fb = surface.depth[a], surface.depth[b]
-    gap = np.where(fa == fb, 1.0, fb - fa)
-    t = np.clip(np.where(fa == fb, 0.5, (level - fa) / gap), CLEARANCE, 1 - CLEARANCE)
-    new_id = np.full(len(edges), -1)
-    new_id[crossed] = len(vertices) + np.arange(len(a))
 
-    mixed = inside[triangles].sum(1) % 3 != 0
-    tri = triangles[mixed]
-    flag = inside[tri]
-    lone = np.argmax(flag == (flag.sum(1) == 1)[:, None], axis=1)
+    mesh: TriMesh
+    parent: Int[np.ndarray, " f"]
+    chords: Int[np.ndarray, "c 2"]
+
+
+def split_crossed(mesh: TriMesh, crossed: Bool[np.ndarray, " e"], share: Float[np.ndarray, " c"]) -> Split:
+    """Split the triangles that a curve runs through: each has two or none of the `crossed` edges.
+
+    The curve crosses edge `ij` (of `topology.edges`) at `v_i + share (v_j - v_i)`, kept clear of the ends.
+    """
+    vertices, triangles, topology = mesh.vertices, mesh.triangles, mesh.topology
+    a, b = topology.edges[crossed].T
+    new_id = np.full(len(crossed), -1)
+    new_id[crossed] = len(vertices) + np.arange(len(a))
+    t = np.clip(share, CLEARANCE, 1 - CLEARANCE)[:, None]
+    points = np.vstack([vertices, vertices[a] + t * (vertices[b] - vertices[a])])
+
+    mixed = crossed[topology.face_edges].any(axis=1)
+    tri, side = triangles[mixed], topology.face_edges[mixed]
+    lone = (np.argmin(crossed[side], axis=1) + 2) % 3
     row = np.arange(len(tri))
-    side = surface.mesh.topology.face_edges[mixed]
     apex, left, right = (tri[row, (lone + k) % 3] for k in range(3))
     p, q = new_id[side[row, lone]], new_id[side[row, (lone + 2) % 3]]
-    points = np.vstack([vertices, vertices[a] + t[:, None] * (vertices[b] - vertices[a])])
     short = np.linalg.norm(points[p] - points[right], axis=1) < np.linalg.norm(points[q] - points[left], axis=1)
     pieces = np.stack(
         [
@@ -64,12 +70,37 @@ def cut(surface: CutSurface, inside: np.ndarray, level: float, contour: int) -> 
         ],
         axis=1,
     )
-    return CutSurface(
+    return Split(
         TriMesh(points, np.vstack([triangles[~mixed], pieces.reshape(-1, 3)])),
-        np.r_[surface.depth, np.full(len(a), level)],
-        np.r_[surface.parent[~mixed], np.repeat(surface.parent[mixed], 3)],
-        np.r_[surface.contour, np.full(len(a), contour)],
+        np.r_[np.nonzero(~mixed)[0], np.repeat(np.nonzero(mixed)[0], 3)],
+        np.c_[p, q],
     )
+
+
+def cut(surface: CutSurface, inside: np.ndarray, level: float, contour: int) -> CutSurface:
+    """Split every triangle that has corners both in and out of `inside (v,)` (bool) where depth passes `level`.
+
+    The crossing of edge `ij` is `v_i + (level - f_i) / (f_j - f_i) (v_j - v_i)` (eq. 9), kept clear of the ends.
+    """
+    edges = surface.mesh.topology.edges
+    crossed = inside[edges[:, 0]] != inside[edges[:, 1]]
+    a, b = edges[crossed].T
+    share = crossing(surface.depth[a], surface.depth[b], level)
+    split = split_crossed(surface.mesh, crossed, share)
+    return CutSurface(
+        split.mesh,
+        np.r_[surface.depth, np.full(len(share), level)],
+        surface.parent[split.parent],
+        np.r_[surface.contour, np.full(len(share), contour)],
+    )
+
+
+def crossing(
+    start: Float[np.ndarray, " n"], end: Float[np.ndarray, " n"], level: float | Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Share of the way from `start` to `end` at which linear functions pass `level`; the middle where they are flat."""
+    flat = start == end
+    return np.where(flat, 0.5, (level - start) / np.where(flat, 1.0, end - start))
 
 
 def midpoint_refined(mesh: TriMesh) -> TriMesh:

@@ -10,6 +10,8 @@ from jaxtyping import Int
 from drl_meshgen.errors import StageError
 from drl_meshgen.mesh import TriMesh
 from drl_meshgen.mesh.topology import Topology
+from drl_meshgen.seams.cuts import cut_handle, cut_waist
+from drl_meshgen.seams.insertion import Incision
 from drl_meshgen.seams.options import Outcome, SeamOptions
 
 
@@ -54,14 +56,47 @@ def open_surface(surface: TriMesh, options: SeamOptions | None = None) -> Opened
     Surfaces that are like that already come back as they are. Raises `StageError` where no seam is found.
     """
     options = options or SeamOptions()
-    seams: tuple[Seam, ...] = ()
     n, label = surface.topology.components
-    for c in range(n):
-        piece = Topology(len(surface.vertices), surface.triangles[label == c])
-        if not piece.loops or piece.euler + len(piece.loops) != 2:
-            detail = f"component {c}: Euler characteristic {piece.euler}, {len(piece.loops)} loops"
+    parts = [np.nonzero(label == c)[0] for c in range(n)]
+    if all(_is_open(surface.topology, part) for part in parts):
+        return OpenedSurface(surface, np.arange(len(surface.triangles)), (), _table(surface, ()))
+    points, triangles, parents, seams, count = [], [], [], [], 0
+    for c, part in enumerate(parts):
+        used, ids = np.unique(surface.triangles[part], return_inverse=True)
+        incision, kinds = _opened(TriMesh(surface.vertices[used], ids.reshape(-1, 3)), options, c)
+        points.append(incision.mesh.vertices)
+        triangles.append(incision.mesh.triangles + count)
+        parents.append(part[incision.parent])
+        seams += [Seam(a + count, b + count, kind) for (a, b), kind in zip(incision.sides, kinds, strict=True)]
+        count += len(incision.mesh.vertices)
+    mesh = TriMesh(np.concatenate(points), np.concatenate(triangles))
+    return OpenedSurface(mesh, np.concatenate(parents), tuple(seams), _table(mesh, tuple(seams)))
+
+
+def _is_open(topology: Topology, part: np.ndarray) -> bool:
+    piece = Topology(topology.n_vertices, topology.faces[part])
+    return _genus(piece) == 0 and bool(piece.loops)
+
+
+def _genus(topology: Topology) -> int:
+    return (2 - topology.euler - len(topology.loops)) // 2
+
+
+def _opened(mesh: TriMesh, options: SeamOptions, component: int) -> tuple[Incision, list[SeamKind]]:
+    """Cut one component open: first around its handles, then around its waist if it is still closed."""
+    incision, kinds = Incision.none(mesh), []
+    while _genus(incision.mesh.topology) > 0:
+        after = cut_handle(incision, options)
+        if after is None or _genus(after.mesh.topology) >= _genus(incision.mesh.topology):
+            detail = f"component {component}: {_genus(incision.mesh.topology)} handles left"
             raise StageError("seams", Outcome.NOT_OPENED, detail)
-    return OpenedSurface(surface, np.arange(len(surface.triangles)), seams, _table(surface, seams))
+        incision, kinds = after, [*kinds, SeamKind.HANDLE]
+    if not incision.mesh.topology.loops:
+        after = cut_waist(incision, options)
+        if after is None:
+            raise StageError("seams", Outcome.NOT_OPENED, f"component {component}: closed, and no curve divides it")
+        incision, kinds = after, [*kinds, SeamKind.WAIST]
+    return incision, kinds
 
 
 def _table(mesh: TriMesh, seams: tuple[Seam, ...]) -> pd.DataFrame:

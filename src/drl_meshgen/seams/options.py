@@ -17,6 +17,8 @@ class SeamOptions:
 
     levels: int = 32
     """Isocontours that compete for each seam."""
+    sources: int = 6
+    """Places from which loops around handles are sought."""
     share: float = 0.15
     """Share of the area that must lie on either side of the seam around a closed surface."""
     feature_angle: float = 0.0

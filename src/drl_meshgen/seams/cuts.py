@@ -1,0 +1,46 @@
+"""One cut at a time: around a handle, around a closed surface."""
+
+import numpy as np
+
+from drl_meshgen.seams.insertion import Incision
+from drl_meshgen.seams.levels import smooth_loop
+from drl_meshgen.seams.loops import LoopFinder, separates, shortest_loops
+from drl_meshgen.seams.options import SeamOptions
+from drl_meshgen.seams.waist import waist
+
+#: Rounds of refinement where a cut has no room.
+ROUNDS = 5
+#: Fewest edges around a handle and fewest nodes of a seam; triangles are split where there are fewer.
+NODES = 12
+
+
+def cut_handle(incision: Incision, options: SeamOptions) -> Incision | None:
+    """Cut around the thinnest handle; None where no loop is found that leaves the mesh in one piece.
+
+    Where there are few edges around the handle, or boundaries leave no room, triangles are split first.
+    """
+    loop = None
+    for _ in range(ROUNDS):
+        mesh = incision.mesh
+        finder = LoopFinder(mesh)
+        loops = shortest_loops(finder, finder.sources(options.sources))
+        loop = next((one for one in loops if not separates(mesh, one)), None)
+        if loop is not None:
+            break
+        incision, _ = incision.refined(mesh.topology.on_boundary)
+    if loop is None:
+        return None
+    for _ in range(ROUNDS):
+        curve = smooth_loop(incision.mesh, loop, options.levels, NODES) if len(loop) >= NODES else None
+        if curve is not None:
+            return incision.across(curve)
+        near = np.zeros(len(incision.mesh.vertices), bool)
+        near[loop] = True
+        incision, loop = incision.refined(near, loop)
+    return incision.along(loop)
+
+
+def cut_waist(incision: Incision, options: SeamOptions) -> Incision | None:
+    """Cut a closed mesh of genus 0 in two; None where it is too coarse."""
+    curve = waist(incision.mesh, options.levels, options.share)
+    return None if curve is None else incision.across(curve)

@@ -1,0 +1,63 @@
+"""Cutting a mesh open along closed curves, one after the other."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Int
+
+from drl_meshgen.cleanup.refine import split_edges
+from drl_meshgen.mesh import TriMesh
+from drl_meshgen.mesh.cutgraph import corners_left_of
+from drl_meshgen.partition.cutting import split_crossed
+from drl_meshgen.partition.stage import trace
+from drl_meshgen.seams.levels import EdgeCurve
+from drl_meshgen.seams.loops import Loop, edge_ids
+
+Sides = tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]
+
+
+@dataclass(frozen=True, eq=False)
+class Incision:
+    """A mesh on its way open. `parent (f,)` is the first mesh's triangle; vertices keep their ids from step to step.
+
+    `sides` are the vertices on the left and on the right of each cut so far.
+    """
+
+    mesh: TriMesh
+    parent: Int[np.ndarray, " f"]
+    sides: tuple[Sides, ...]
+
+    @staticmethod
+    def none(mesh: TriMesh) -> "Incision":
+        """Return the mesh before the first cut."""
+        return Incision(mesh, np.arange(len(mesh.triangles)), ())
+
+    def along(self, loop: Loop) -> "Incision":
+        """Cut along a loop of inner edges: its vertices stay with the left side, the right side gets new ones."""
+        tri = self.mesh.triangles
+        new = np.full(len(self.mesh.vertices), -1)
+        new[loop] = len(self.mesh.vertices) + np.arange(len(loop))
+        right = (new[tri] >= 0) & ~corners_left_of(self.mesh.topology, loop, closed=True)
+        mesh = TriMesh(np.vstack([self.mesh.vertices, self.mesh.vertices[loop]]), np.where(right, new[tri], tri))
+        return Incision(mesh, self.parent, (*self.sides, (loop, new[loop])))
+
+    def across(self, curve: EdgeCurve) -> "Incision":
+        """Cut along a closed curve across edges."""
+        split = split_crossed(self.mesh, curve.crossed, curve.share)
+        (loop,) = trace(split.chords)
+        return Incision(split.mesh, self.parent[split.parent], self.sides).along(loop)
+
+    def refined(self, near: Bool[np.ndarray, " v"], loop: Loop | None = None) -> tuple["Incision", Loop]:
+        """Split the inner edges of the triangles at some vertices at their midpoints; also return the loop after it.
+
+        Boundaries and cuts stay as they are. Every edge of the loop must be one of those split.
+        """
+        topology = self.mesh.topology
+        marked = np.zeros(len(topology.edges), bool)
+        marked[topology.face_edges[near[self.mesh.triangles].any(axis=1)]] = True
+        marked &= topology.edge_count == 2
+        parts = 1 + marked[topology.face_edges].sum(axis=1)
+        after = replace(self, mesh=split_edges(self.mesh, marked), parent=np.repeat(self.parent, parts))
+        loop = np.array([], np.int64) if loop is None else loop
+        middle = len(self.mesh.vertices) + np.cumsum(marked) - 1
+        return after, np.c_[loop, middle[edge_ids(topology, np.c_[loop, np.roll(loop, -1)])]].ravel()
