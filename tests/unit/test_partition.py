@@ -7,10 +7,11 @@ import pytest
 
 from drl_meshgen.decompose.cells import submesh
 from drl_meshgen.errors import StageError
+from drl_meshgen.mesh.cutgraph import trace
 from drl_meshgen.mesh.topology import Topology
 from drl_meshgen.partition import CutSurface, Outcome, PartitionOptions, RegionKind, partition
 from drl_meshgen.partition.levels import Level
-from drl_meshgen.partition.stage import filled_superlevel, smoothed_depth, trace
+from drl_meshgen.partition.stage import filled_superlevel, smoothed_depth
 from drl_meshgen.ricci.flow import vertex_curvature
 from drl_meshgen.ricci.triangulation import corners
 from tests.chains import SURFACES, chain, grid

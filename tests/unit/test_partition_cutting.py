@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from drl_meshgen.partition.cutting import CLEARANCE, CutSurface, cut, midpoint_refined
+from drl_meshgen.mesh.splitting import CLEARANCE
+from drl_meshgen.partition.cutting import CutSurface, cut, midpoint_refined
 from drl_meshgen.partition.levels import arc_lengths
 from tests.chains import grid, surface_of, tube
 from tests.strategies import flat_disk

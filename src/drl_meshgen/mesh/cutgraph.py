@@ -48,3 +48,24 @@ def corners_left_of(topology: Topology, curve: Int[np.ndarray, " n"], *, closed:
     left[classes[side]] = True
     left[np.roll(classes, -1, axis=1)[side]] = True
     return left[classes]
+
+
+def trace(edges: Int[np.ndarray, "e 2"]) -> list[Int[np.ndarray, " n"]]:
+    """Order undirected edges into closed curves, each from its smallest vertex towards its smaller neighbour."""
+    around: dict[int, list[int]] = {}
+    for a, b in edges.tolist():
+        around.setdefault(a, []).append(b)
+        around.setdefault(b, []).append(a)
+    curves = []
+    for start in sorted(around):
+        if start not in around:
+            continue
+        curve, before, here = [start], -1, start
+        while True:
+            ahead = [v for v in sorted(around.pop(here)) if v != before]
+            before, here = here, ahead[0]
+            if here == start:
+                break
+            curve.append(here)
+        curves.append(np.array(curve, np.int64))
+    return curves

@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 
 from drl_meshgen.errors import StageError
 from drl_meshgen.mesh import TriMesh
+from drl_meshgen.mesh.cutgraph import trace
 from drl_meshgen.mesh.topology import Topology, graph_components
 from drl_meshgen.partition.cutting import CutSurface, cut
 from drl_meshgen.partition.join_tree import join_tree
@@ -134,27 +135,6 @@ def filled_superlevel(surface: CutSurface, level: Level, root: int) -> np.ndarra
     outside = graph_components(edges[rest[edges].all(1)], len(above))
     inside = core | (rest & (outside != outside[root]))
     return inside if above[level.tip] and 3 < inside.sum() < here.sum() - 3 else None
-
-
-def trace(edges: Int[np.ndarray, "e 2"]) -> list[Int[np.ndarray, " n"]]:
-    """Order undirected edges into closed curves, each from its smallest vertex towards its smaller neighbour."""
-    around: dict[int, list[int]] = {}
-    for a, b in edges.tolist():
-        around.setdefault(a, []).append(b)
-        around.setdefault(b, []).append(a)
-    curves = []
-    for start in sorted(around):
-        if start not in around:
-            continue
-        curve, before, here = [start], -1, start
-        while True:
-            ahead = [v for v in sorted(around.pop(here)) if v != before]
-            before, here = here, ahead[0]
-            if here == start:
-                break
-            curve.append(here)
-        curves.append(np.array(curve, np.int64))
-    return curves
 
 
 def _curves(

@@ -7,9 +7,8 @@ from jaxtyping import Bool, Int
 
 from drl_meshgen.cleanup.refine import split_edges
 from drl_meshgen.mesh import TriMesh
-from drl_meshgen.mesh.cutgraph import corners_left_of
-from drl_meshgen.partition.cutting import split_crossed
-from drl_meshgen.partition.stage import trace
+from drl_meshgen.mesh.cutgraph import corners_left_of, trace
+from drl_meshgen.mesh.splitting import split_crossed
 from drl_meshgen.seams.levels import EdgeCurve
 from drl_meshgen.seams.loops import Loop, edge_ids
 

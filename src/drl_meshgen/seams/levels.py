@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from drl_meshgen.lift.harmonic import corner_weights, factorised, jump_load, stiffness
 from drl_meshgen.mesh import TriMesh
 from drl_meshgen.mesh.cutgraph import corners_left_of
-from drl_meshgen.partition.cutting import CLEARANCE, crossing
+from drl_meshgen.mesh.splitting import CLEARANCE, crossing
 from drl_meshgen.seams.loops import Loop, count_parts, weighted
 
 
@@ -79,7 +79,7 @@ def circle_function(mesh: TriMesh, loop: Loop) -> CircleFunction:
     merge = coo_matrix((np.ones(n), (np.arange(n), unknown)), (n, int(unknown.max()) + 1)).tocsc()
     matrix: csc_matrix = (merge.T @ stiffness(mesh, weights) @ merge).tocsc()
     load = merge.T @ jump_load(mesh, weights, offset.astype(float))
-    value = np.zeros(merge.shape[1])
+    value = np.zeros(len(load))
     value[1:] = factorised(matrix[1:, 1:].tocsc()).solve(load[1:])
     value = value[unknown] - value[unknown[loop]].mean()
     first = np.empty(len(topology.edges), np.int64)
@@ -94,8 +94,8 @@ def circle_function(mesh: TriMesh, loop: Loop) -> CircleFunction:
 def smooth_loop(mesh: TriMesh, loop: Loop, levels: int, nodes: int) -> EdgeCurve | None:
     """Best closed curve among the level sets of the harmonic function through `loop`.
 
-    That is the shortest one with `nodes` nodes or more that does not separate the mesh and keeps off the boundary; coming
-    nearer to the boundary than a quarter of its length counts as up to twice the length. None where no level will do.
+    That is the shortest one with at least `nodes` nodes that does not separate the mesh and keeps off the boundary; to
+    come nearer to it than a quarter of the length counts as up to twice the length. None where no level will do.
     """
     function = circle_function(mesh, loop)
     edges = mesh.topology.edges

@@ -8,7 +8,7 @@ from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh
 
 from drl_meshgen.lift.harmonic import corner_weights, factorised, stiffness
 from drl_meshgen.mesh import TriMesh
-from drl_meshgen.partition.cutting import CLEARANCE, crossing
+from drl_meshgen.mesh.splitting import CLEARANCE, crossing
 from drl_meshgen.seams.levels import EdgeCurve
 from drl_meshgen.seams.loops import weighted
 
