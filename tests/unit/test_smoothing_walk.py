@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from drl_meshgen.mesh import TriMesh
-from drl_meshgen.smoothing.boundary import BoundaryTrack
+from drl_meshgen.smoothing.curves import CurveTrack
 from drl_meshgen.smoothing.nodes import tangent_frame
 from drl_meshgen.smoothing.walk import SurfaceWalker
 
@@ -75,17 +75,17 @@ def test_locate_inverts_positions():
 
 def test_boundary_projection_of_boundary_points_is_exact():
     surface = square(fold=0.7)
-    track = BoundaryTrack(surface)
+    track = CurveTrack(SurfaceWalker(surface))
     s = np.linspace(0, track.length[0], 40, endpoint=False)
     loop = np.zeros(40, np.int64)
     triangle, weights, direction = track.locate(loop, s)
     points = SurfaceWalker(surface).positions(triangle, weights)
-    assert np.allclose(track.project(points)[1], s)
+    assert np.allclose(track.project(points, loop[:1])[1], s)
     assert np.allclose(np.linalg.norm(direction, axis=1), 1)
 
 
 def test_boundary_coordinates_wrap_around_the_loop():
-    track = BoundaryTrack(square())
+    track = CurveTrack(SurfaceWalker(square()))
     assert track.length[0] == pytest.approx(4)
     assert track.wrap(np.zeros(2, np.int64), np.array([-0.5, 4.25])) == pytest.approx([3.5, 0.25])
 

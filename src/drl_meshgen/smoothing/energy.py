@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.sparse import csr_array
+from scipy.sparse import bsr_array, csr_array
 
 from drl_meshgen.mesh import QuadMesh
 from drl_meshgen.smoothing.nodes import NodeState
@@ -19,8 +19,6 @@ AREA_FLOOR = 0.02
 """Quads below this share of the mean area count with this area in the log ratio, so folded ones have one too."""
 ROWS = 8
 """Residuals per quad: 4 corner angles, 1 aspect, 2 dihedral angles, 1 log area."""
-OWN_NODES = (3, 3, 3, 3, 4, 4, 4, 4)
-"""Nodes each of these residuals depends on."""
 
 
 def cross(a: Float[np.ndarray, "3 ..."], b: Float[np.ndarray, "3 ..."]) -> Float[np.ndarray, "3 ..."]:
@@ -110,26 +108,24 @@ class Residuals:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """Gauss-Newton system `J^T W J x = -g` in factored form; unknowns are `node + n * direction`."""
+    """Gauss-Newton system `H x = -g`; unknowns are `2 * node + direction`.
 
-    jacobian: csr_array
-    transposed: csr_array
-    row_weight: Float[np.ndarray, " r"]
+    H is the matrix of all residuals within quads plus, in factored form, that of the area jumps between them.
+    """
+
+    within: bsr_array
+    area: csr_array
+    """Derivative of the log areas."""
     pair_weight: Float[np.ndarray, " e"]
     difference: csr_array
-    difference_transposed: csr_array
     gradient: Float[np.ndarray, " u"]
     diagonal_blocks: Float[np.ndarray, "3 n"]
-    """Entries (0,0), (0,1), (1,1) of each node's block of the matrix."""
+    """Entries (0,0), (0,1), (1,1) of each node's block of H; the coupling of areas is left out."""
 
     def multiply(self, x: Float[np.ndarray, " u"]) -> Float[np.ndarray, " u"]:
-        """Apply the Gauss-Newton matrix."""
-        y = self.jacobian @ x
-        m = len(self.row_weight) // ROWS
-        areas = self.difference_transposed @ (self.pair_weight * (self.difference @ y[-m:]))
-        y *= self.row_weight
-        y[-m:] = areas
-        return self.transposed @ y
+        """Apply H."""
+        jumps = self.pair_weight * (self.difference @ (self.area @ x))
+        return self.within @ x + self.area.T @ (self.difference.T @ jumps)
 
 
 class QuadEnergy:
@@ -203,7 +199,7 @@ class QuadEnergy:
     def _violations(self, r: Residuals) -> tuple[Float[np.ndarray, "7 m"], Float[np.ndarray, " e"]]:
         """Signed amounts by which angles (4), aspect (1), dihedral angles (2) and area jumps exceed the limits."""
         o = self.options
-        low, high = np.radians(o.wanted_angles)
+        low, high = np.radians(o.wanted_angles) + np.radians([o.margin, -o.margin])
         over = np.empty((7, r.rows.shape[1]))
         over[:4] = np.minimum(r.shape.angle - low, 0) + np.maximum(r.shape.angle - high, 0)
         over[4] = beyond(r.rows[4], np.log(o.wanted_aspect))
@@ -226,34 +222,29 @@ class QuadEnergy:
     # -- derivatives -------------------------------------------------------------------------------------------
 
     @cached_property
-    def _pattern(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, csr_array, csr_array, csr_array]:
-        """Columns and row starts of the Jacobian, nodes of its entries, difference operator of the pairs.
+    def _pattern(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, csr_array]:
+        """Block pattern of H: column and row starts, block of each pair of corners (4 4 m); area columns; difference.
 
-        The last one is the Jacobian's transpose with the place of each entry as its value.
+        The difference operator maps log areas to their jumps.
         """
-        q, m = self.quads, self.quads.shape[1]
-        corner = np.stack([np.roll(q, -1, axis=0), q, np.roll(q, 1, axis=0)], axis=-1)
-        others = np.broadcast_to(q.T, (4, m, 4))
-        nodes = np.concatenate([corner.ravel(), others.ravel()])
-        columns = (nodes[:, None] + self.n_nodes * np.arange(2)).ravel().astype(np.int32)
-        starts = np.r_[0, np.cumsum(np.repeat(2 * np.array(OWN_NODES), m))].astype(np.int32)
-        e = self.pairs.shape[1]
+        q, n = self.quads.astype(np.int64), self.n_nodes
+        m, e = q.shape[1], self.pairs.shape[1]
+        code, block = np.unique(q[:, None] * n + q[None], return_inverse=True)
+        starts = np.searchsorted(code, n * np.arange(n + 1))
+        columns = (2 * q.T[:, :, None] + np.arange(2)).ravel().astype(np.int32)
         data = np.tile([1.0, -1.0], e)
         difference = csr_array((data, self.pairs.T.ravel(), np.arange(0, 2 * e + 1, 2)), (e, m))
-        numbered = csr_array((np.arange(len(columns)), columns, starts), (ROWS * m, 2 * self.n_nodes)).T.tocsr()
-        return columns, starts, nodes, difference, difference.T.tocsr(), numbered
+        return (code % n).astype(np.int32), starts.astype(np.int32), block.ravel(), columns, difference
 
-    def _entries(self, state: NodeState, r: Residuals) -> Float[np.ndarray, " k"]:
-        """Values of the Jacobian in the order of its pattern: derivative of each row by each of its unknowns."""
+    def derivatives(self, state: NodeState, r: Residuals) -> Float[np.ndarray, "8 4 2 m"]:
+        """Differentiate each row of residuals by the two unknowns of each corner of the quad."""
         s, m = r.shape, self.quads.shape[1]
         tangents = state.tangents[:, self.ids].transpose(2, 0, 1)[:, :, self.quads]  # 3 2 4 m
-        entries = np.empty(2 * sum(OWN_NODES) * m)
-        corner = entries[: 24 * m].reshape(4, m, 3, 2)
-        others = entries[24 * m :].reshape(4, m, 4, 2)
+        out = np.zeros((ROWS, 4, 2, m))
 
-        def put(target: np.ndarray, place: int, vector: np.ndarray, node: int) -> None:
-            target[:, place, 0] = dot(vector, tangents[:, 0, node])
-            target[:, place, 1] = dot(vector, tangents[:, 1, node])
+        def put(row: int, corner: int, vector: np.ndarray) -> None:
+            for direction in range(2):
+                out[row, corner, direction] = dot(vector, tangents[:, direction, corner])
 
         # corner angle: turning a side about the corner's normal changes it at rate 1 / length
         flip = np.where(s.jacobian < 0, -1.0, 1.0)
@@ -263,9 +254,9 @@ class QuadEnergy:
         about = np.where(flat, s.normal[:, None], s.corner_cross * (flip / np.sqrt(np.maximum(size2, TINY))))
         turn_ahead, turn_behind = -cross(about, s.ahead) / ahead2, cross(about, s.behind) / behind2
         for c in range(4):
-            put(corner[c], 0, turn_ahead[:, c], (c + 1) % 4)
-            put(corner[c], 1, -turn_ahead[:, c] - turn_behind[:, c], c)
-            put(corner[c], 2, turn_behind[:, c], (c + 3) % 4)
+            put(c, (c + 1) % 4, turn_ahead[:, c])
+            put(c, c, -turn_ahead[:, c] - turn_behind[:, c])
+            put(c, (c + 3) % 4, turn_behind[:, c])
 
         # side ratio
         side = s.ahead / np.sqrt(ahead2)
@@ -273,7 +264,7 @@ class QuadEnergy:
         pull = side / np.concatenate([pair_length, pair_length])
         for c in range(4):
             sign = 1.0 if c % 2 == 0 else -1.0
-            put(others[0], c, sign * (-pull[:, c] - pull[:, c - 1]), c)
+            put(4, c, sign * (-pull[:, c] - pull[:, c - 1]))
 
         # dihedral angles at the diagonals: the triangles' normals over their heights
         for k in range(2):
@@ -285,58 +276,61 @@ class QuadEnergy:
                 n2 = np.maximum(dot(n, n), 1e-6 * length**4)
                 inverse.append(n * (length / n2))
                 shares.append(dot(s.corners[:, c] - s.corners[:, k], axis) / length**2)
-            put(others[1 + k], k + 1, inverse[0], k + 1)
-            put(others[1 + k], (k + 3) % 4, inverse[1], (k + 3) % 4)
-            put(others[1 + k], k + 2, -inverse[0] * shares[0] - inverse[1] * shares[1], k + 2)
-            put(others[1 + k], k, -inverse[0] * (1 - shares[0]) - inverse[1] * (1 - shares[1]), k)
+            put(5 + k, k + 1, inverse[0])
+            put(5 + k, (k + 3) % 4, inverse[1])
+            put(5 + k, k + 2, -inverse[0] * shares[0] - inverse[1] * shares[1])
+            put(5 + k, k, -inverse[0] * (1 - shares[0]) - inverse[1] * (1 - shares[1]))
 
         # log area
         scale = 0.5 * np.exp(-r.rows[7])
         for k in range(2):
             other = s.corners[:, 3 - k] - s.corners[:, 1 - k]
             gradient = cross(other, s.normal) * (scale if k == 0 else -scale)
-            put(others[3], k + 2, gradient, k + 2)
-            put(others[3], k, -gradient, k)
-        return entries
+            put(7, k + 2, gradient)
+            put(7, k, -gradient)
+        return out
 
     def system(self, state: NodeState, r: Residuals) -> System:
         """Linearise the residuals in the unknowns of the nodes."""
-        o, m = self.options, self.quads.shape[1]
-        columns, starts, nodes, difference, difference_transposed, numbered = self._pattern
-        entries = self._entries(state, r)
-        row_weight = np.repeat([1.0, o.aspect_weight**2, o.warp_weight**2, 0.0], np.array([4, 1, 2, 1]) * m)
+        o, n, m = self.options, self.n_nodes, self.quads.shape[1]
+        indices, starts, block, columns, difference = self._pattern
+        rows = self.derivatives(state, r)
+        weight = np.repeat([[1.0], [o.aspect_weight**2], [o.warp_weight**2], [0.0]], (4, 1, 2, 1), axis=0)
+        weight = np.tile(weight, m)
         pair_weight = np.full(len(r.jump), o.area_weight**2)
-        forces = row_weight.reshape(ROWS, m) * r.rows
+        forces = weight * r.rows
         pull_apart = pair_weight * r.jump
         if self.hinge:
             over, jump = self._violations(r)
             w = self.hinge**2
             forces[:7] += w * over
             pull_apart += w * jump
-            row_weight[: 7 * m] += w * (over != 0).ravel()
+            weight[:7] += w * (over != 0)
             pair_weight += w * (jump != 0)
-        forces[7] = difference_transposed @ pull_apart
-        jacobian = csr_array((entries, columns, starts), (ROWS * m, 2 * self.n_nodes))
-        transposed = csr_array(
-            (entries[np.asarray(numbered.data, np.int64)], numbered.indices, numbered.indptr), numbered.shape
-        )
-        # diagonal blocks; for the area rows the coupling between quads is left out
-        area_weight = np.bincount(self.pairs.ravel(), np.tile(pair_weight, 2), minlength=m)
-        full = row_weight.copy()
-        full[7 * m :] = area_weight
-        pairs2 = entries.reshape(-1, 2)
-        per_entry = np.repeat(full, np.repeat(OWN_NODES, m))
-        weighted = pairs2 * per_entry[:, None]
-        blocks = np.stack(
-            [
-                np.bincount(nodes, weighted[:, a] * pairs2[:, b], minlength=self.n_nodes)
-                for a, b in ((0, 0), (0, 1), (1, 1))
-            ]
-        )
-        gradient = transposed @ forces.ravel()
-        return System(
-            jacobian, transposed, row_weight, pair_weight, difference, difference_transposed, gradient, blocks
-        )
+        forces[7] = difference.T @ pull_apart
+        matrix = np.empty((len(indices), 2, 2))
+        weighted = weight[:, None, None] * rows
+        for a, b in ((0, 0), (0, 1), (1, 1)):
+            products = np.einsum("rcm,rdm->cdm", weighted[:7, :, a], rows[:7, :, b])
+            matrix[:, a, b] = np.bincount(block, products.ravel(), minlength=len(indices))
+            if a != b:
+                products = products.transpose(1, 0, 2)
+                matrix[:, b, a] = np.bincount(block, products.ravel(), minlength=len(indices))
+        within = bsr_array((matrix, indices, starts), shape=(2 * n, 2 * n))
+        area = csr_array((rows[7].transpose(2, 0, 1).ravel(), columns, np.arange(0, 8 * m + 1, 8)), (m, 2 * n))
+        weight[7] = np.bincount(self.pairs.ravel(), np.tile(pair_weight, 2), minlength=m)
+        corner = self.quads.ravel()
+
+        def at_nodes(values: Float[np.ndarray, "4 m"]) -> Float[np.ndarray, " n"]:
+            return np.bincount(corner, values.ravel(), minlength=n)
+
+        pull = np.einsum("rm,rcam->acm", forces, rows)
+        gradient = np.stack([at_nodes(pull[0]), at_nodes(pull[1])], axis=1).ravel()
+        weighted[7] = weight[7] * rows[7]
+        blocks = [
+            at_nodes(np.einsum("rcm,rcm->cm", weighted[:, :, a], rows[:, :, b])) for a, b in ((0, 0), (0, 1), (1, 1))
+        ]
+        return System(within, area, pair_weight, difference, gradient, np.stack(blocks))
 
 
 def beyond(value: np.ndarray, limit: float) -> np.ndarray:

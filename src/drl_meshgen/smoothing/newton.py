@@ -96,12 +96,10 @@ def solve(system: System, damping: float, iterations: int, tolerance: float = 0.
     a, b, c = damping * system.diagonal_blocks
 
     def precondition(r: Float[np.ndarray, " u"]) -> Float[np.ndarray, " u"]:
-        first, second = r.reshape(2, -1)
-        return np.concatenate([inverse_a * first + inverse_b * second, inverse_b * first + inverse_c * second])
+        return apply(inverse_a, inverse_b, inverse_c, r)
 
     def damped(x: Float[np.ndarray, " u"]) -> Float[np.ndarray, " u"]:
-        first, second = x.reshape(2, -1)
-        return system.multiply(x) + np.concatenate([a * first + b * second, b * first + c * second])
+        return system.multiply(x) + apply(a, b, c, x)
 
     x = np.zeros_like(system.gradient)
     r = -system.gradient
@@ -118,7 +116,17 @@ def solve(system: System, damping: float, iterations: int, tolerance: float = 0.
         z = precondition(r)
         rz, last = product(r, z), rz
         p = z + (rz / last) * p
-    return x.reshape(2, -1).T
+    return x.reshape(-1, 2)
+
+
+def apply(
+    a: Float[np.ndarray, " n"], b: Float[np.ndarray, " n"], c: Float[np.ndarray, " n"], x: Float[np.ndarray, " u"]
+) -> Float[np.ndarray, " u"]:
+    """Multiply by the block-diagonal matrix of symmetric blocks [[a, b], [b, c]]."""
+    out, first, second = np.empty_like(x), x[::2], x[1::2]
+    out[::2] = a * first + b * second
+    out[1::2] = b * first + c * second
+    return out
 
 
 def product(a: Float[np.ndarray, " u"], b: Float[np.ndarray, " u"]) -> float:

@@ -1,13 +1,14 @@
 """Nodes of a quad mesh that live on a surface: where they are, which ways they may go, and how they get there."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from drl_meshgen.errors import InputError
-from drl_meshgen.mesh import QuadMesh, TriMesh
-from drl_meshgen.smoothing.boundary import BoundaryTrack
+from drl_meshgen.mesh import FeatureCurve, QuadMesh, TriMesh
+from drl_meshgen.smoothing.curves import CurveTrack
 from drl_meshgen.smoothing.walk import SurfaceWalker
 
 MIN_GAP = 0.05
@@ -23,52 +24,98 @@ class NodeState:
     triangle: Int[np.ndarray, " n"]
     weights: Float[np.ndarray, "n 3"]
     s: Float[np.ndarray, " b"]
-    """Coordinate along the surface boundary of each sliding node (see `BoundaryTrack`)."""
+    """Coordinate of each sliding node along its curve (see `CurveTrack`)."""
     points: Float[np.ndarray, "n 3"]
     normals: Float[np.ndarray, "n 3"]
     tangents: Float[np.ndarray, "2 n 3"]
     """Directions the two unknowns of a node stand for; zero where a node has fewer."""
 
 
-class NodeSpace:
-    """The unknowns of a mesh on a surface: two tangential ones inside, one along the boundary, none where fixed."""
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Nodes in order along a feature curve of the surface (by number), linked by mesh edges; the last not the first."""
 
-    def __init__(self, surface: TriMesh, mesh: QuadMesh, fixed: Bool[np.ndarray, " n"] | None = None) -> None:
+    feature: int
+    nodes: Int[np.ndarray, " k"]
+    pinned: Bool[np.ndarray, " k"]
+    """Nodes that stay where the curve is nearest to them: its ends and corners."""
+
+
+class NodeSpace:
+    """The unknowns of a mesh on a surface: two tangential ones inside, one on curves, none where fixed or pinned.
+
+    Boundary nodes slide along the boundary, those of `chains` along `features`. With `corner_turn` (radians) the
+    boundary node next to a corner of the boundary at least that sharp is put there and pinned, if the angle at the
+    corner, shared by the quads there, is within `corner_limits` (radians).
+    """
+
+    def __init__(
+        self,
+        surface: TriMesh,
+        mesh: QuadMesh,
+        fixed: Bool[np.ndarray, " n"] | None = None,
+        *,
+        features: Sequence[FeatureCurve] = (),
+        chains: Sequence[Chain] = (),
+        corner_turn: float = np.inf,
+        corner_limits: tuple[float, float] = (0.0, np.inf),
+    ) -> None:
         self.walker = SurfaceWalker(surface)
-        self.track = BoundaryTrack(surface)
+        self.track = CurveTrack(self.walker, features)
         self.mesh = mesh
         self.fixed = np.zeros(len(mesh.points), bool) if fixed is None else np.asarray(fixed, bool)
         loops = mesh.topology.loops
-        if len(loops) > len(self.track.length):
-            defect = f"the mesh has {len(loops)} boundary loops, the surface {len(self.track.length)}"
+        if len(loops) > self.track.n_loops:
+            defect = f"the mesh has {len(loops)} boundary loops, the surface {self.track.n_loops}"
             raise InputError("quad mesh", defect)
-        self.sliding = np.concatenate([*loops, np.empty(0, np.int64)])
-        sizes = np.array([len(loop) for loop in loops], np.int64)
-        first = np.cumsum(sizes) - sizes
-        ends = np.repeat(first + sizes, sizes)
-        self._mesh_loop = np.repeat(np.arange(len(loops)), sizes)
-        following = np.arange(1, len(self.sliding) + 1)
-        self._next = np.where(following == ends, np.repeat(first, sizes), following)
-        self._previous = np.empty_like(self._next)
-        self._previous[self._next] = np.arange(len(self._next))
-        self._loop = np.zeros(len(self.sliding), np.int64)
+        rows = [*loops, *(chain.nodes for chain in chains)]
+        closed = [True] * len(loops) + [features[chain.feature].closed for chain in chains]
+        self.sliding = np.concatenate([*rows, np.empty(0, np.int64)])
+        self._next, self._previous = _neighbours([len(row) for row in rows], closed)
+        self._curve = np.zeros(len(self.sliding), np.int64)
         self._slot = np.full(len(mesh.points), -1)
-        self._slot[self.sliding] = np.arange(len(self.sliding))
+        self._slot[self.sliding[::-1]] = np.arange(len(self.sliding))[::-1]
+        self._start = np.zeros(len(self.sliding))
+        self.pinned = np.zeros(len(mesh.points), bool)
+        first = 0
+        for row in rows[: len(loops)]:
+            slots = slice(first, first + len(row))
+            self._curve[slots], self._start[slots] = self._boundary_row(row)
+            self._pin_corners(slots, corner_turn, corner_limits)
+            first = slots.stop
+        for chain in chains:
+            slots = slice(first, first + len(chain.nodes))
+            curve = self._curve[slots] = self.track.n_loops + chain.feature
+            self._start[slots] = self.track.project(mesh.points[chain.nodes], np.array([curve]))[1]
+            self.pinned[chain.nodes[chain.pinned]] = True
+            first = slots.stop
+
+    def _boundary_row(self, row: Int[np.ndarray, " k"]) -> tuple[int, Float[np.ndarray, " k"]]:
+        """Boundary loop that most nodes of a loop of the mesh are nearest to, and their places on it."""
+        near, s, _ = self.track.project(self.mesh.points[row], np.arange(self.track.n_loops))
+        loop = int(np.bincount(near).argmax())
+        return loop, self._spread(loop, s, near == loop)
+
+    def _pin_corners(self, slots: slice, least_turn: float, limits: tuple[float, float]) -> None:
+        """Put the nearest of a row of boundary nodes on each sharp corner that suits the quads there."""
+        if least_turn >= np.pi:
+            return
+        curve, s, nodes = int(self._curve[slots.start]), self._start[slots], self.sliding[slots]
+        length, quads_at = self.track.length[curve], np.bincount(self.mesh.quads.ravel())[nodes]
+        for corner, angle in zip(*self.track.corners(curve, 0.5 * length / len(s), least_turn), strict=True):
+            gap = np.abs(s - corner)
+            k = int(np.argmin(np.minimum(gap, length - gap)))
+            share = angle / quads_at[k]
+            if not self.pinned[nodes[k]] and limits[0] <= share <= limits[1]:
+                s[k] = corner
+                self.pinned[nodes[k]] = True
 
     def start(self, triangle: Int[np.ndarray, " n"]) -> NodeState:
-        """State at the mesh's points, each put into its triangle, boundary nodes onto the nearest boundary loop."""
-        points = self.mesh.points
-        weights = self.walker.locate(triangle, points)
-        s = np.empty(0)
-        if self.sliding.size:
-            segment, s = self.track.project(points[self.sliding])
-            near = self.track.loop[segment]
-            for k in range(self._mesh_loop[-1] + 1):
-                mine = self._mesh_loop == k
-                loop = np.bincount(near[mine]).argmax()
-                self._loop[mine] = loop
-                s[mine] = self._spread(int(loop), s[mine], near[mine] == loop)
-        return self._state(triangle.copy(), weights, s)
+        """Return the state with nodes at `mesh.points`, `triangle[k]` carrying node `k`; those on curves moved there.
+
+        Boundary nodes that are out of order along the boundary are spread.
+        """
+        return self._state(triangle.copy(), self.walker.locate(triangle, self.mesh.points), self._start)
 
     def _spread(self, loop: int, s: Float[np.ndarray, " k"], known: Bool[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
         """Coordinates of one mesh loop in strictly increasing order, changed only where they are not."""
@@ -94,7 +141,7 @@ class NodeSpace:
         slot = self._slot[nodes]
         sliding = slot >= 0
         tangents[0, sliding], tangents[1, sliding] = direction[slot[sliding]], 0.0
-        tangents[:, self.fixed[nodes]] = 0.0
+        tangents[:, self.fixed[nodes] | self.pinned[nodes]] = 0.0
         return tangents
 
     def _state(
@@ -102,7 +149,7 @@ class NodeSpace:
     ) -> NodeState:
         direction = np.empty((0, 3))
         if self.sliding.size:
-            triangle[self.sliding], weights[self.sliding], direction = self.track.locate(self._loop, s)
+            triangle[self.sliding], weights[self.sliding], direction = self.track.locate(self._curve, s)
         points = self.walker.positions(triangle, weights)
         points[self.fixed] = self.mesh.points[self.fixed]
         normals = self.walker.normals(triangle, weights)
@@ -130,6 +177,11 @@ class NodeSpace:
             np.where(chosen, new.tangents, old.tangents),
         )
 
+    def _gaps(self, s: Float[np.ndarray, " b"]) -> Float[np.ndarray, " b"]:
+        """Way along the curve to the next node of each row."""
+        ahead = s[self._next] - s
+        return np.where(self.track.closed[self._curve], np.mod(ahead, self.track.length[self._curve]), np.abs(ahead))
+
     def moved(self, state: NodeState, step: Float[np.ndarray, "n 2"]) -> NodeState:
         """Return the state after moving each node by `step` in units of its tangents."""
         step = np.where(state.tangents.any(axis=2).T, step, 0.0)
@@ -141,10 +193,10 @@ class NodeSpace:
         triangle[walking], weights[walking] = self.walker.walk(triangle[walking], weights[walking], displacement[inner])
         direction = np.empty((0, 3))
         if not inner.all():
-            gap = np.mod(s[self._next] - s, self.track.length[self._loop])
+            gap = self._gaps(s)
             slide = np.clip(step[self.sliding, 0], -MAX_APPROACH * gap[self._previous], MAX_APPROACH * gap)
-            s = self.track.wrap(self._loop, s + slide)
-            on_track, at, direction = self.track.locate(self._loop, s)
+            s = self.track.wrap(self._curve, s + slide)
+            on_track, at, direction = self.track.locate(self._curve, s)
             slots = self._slot[going[~inner]]
             triangle[going[~inner]], weights[going[~inner]] = on_track[slots], at[slots]
         points, normals, tangents = state.points.copy(), state.normals.copy(), state.tangents.copy()
@@ -152,6 +204,18 @@ class NodeSpace:
         normals[going] = self.walker.normals(triangle[going], weights[going])
         tangents[:, going] = self._tangents(normals[going], going, direction)
         return NodeState(triangle, weights, s, points, normals, tangents)
+
+
+def _neighbours(sizes: Sequence[int], closed: Sequence[bool]) -> tuple[Int[np.ndarray, " s"], Int[np.ndarray, " s"]]:
+    """Slots after and before each slot of consecutive rows; at the ends of open rows the slot itself."""
+    following, preceding, first = [], [], 0
+    for size, around in zip(sizes, closed, strict=True):
+        slot = np.arange(first, first + size)
+        following.append(np.roll(slot, -1) if around else np.minimum(slot + 1, first + size - 1))
+        preceding.append(np.roll(slot, 1) if around else np.maximum(slot - 1, first))
+        first += size
+    none = np.empty(0, np.int64)
+    return np.concatenate([none, *following]), np.concatenate([none, *preceding])
 
 
 def tangent_frame(normals: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "2 n 3"]:

@@ -61,7 +61,9 @@ def optimise(
     The start may hold folded quads. Deterministic. Raises `InputError` if the boundary loops do not match.
     """
     options = options or SmoothingOptions()
-    space = NodeSpace(surface, mesh, fixed)
+    limits = np.radians(options.wanted_angles)
+    turn = np.radians(options.corner_turn)
+    space = NodeSpace(surface, mesh, fixed, corner_turn=turn, corner_limits=(limits[0], limits[1]))
     energy = QuadEnergy(mesh, options, ideal=ideal_angles(mesh))
     referee = Referee(surface, mesh, options)
     state = space.start(triangle)

@@ -27,18 +27,22 @@ class SmoothingOptions:
     warp_weight: float = 0.2
     """Weight of the dihedral angle at each diagonal of a quad, relative to a corner angle in radians."""
     wanted_angles: tuple[float, float] = (55.0, 120.0)
-    """Corner angles outside these limits (degrees) are penalised on top, with the hinge weights."""
-    wanted_area_ratio: float = 1.7
+    """Limits of corner angles (degrees)."""
+    margin: float = 2.0
+    """Corner angles within the limits by less than this (degrees), or beyond, are penalised with the hinge weights."""
+    wanted_area_ratio: float = 1.5
     """Area ratios of edge-adjacent quads above this are penalised on top."""
     wanted_aspect: float = 4.0
     """Ratios of the mean side lengths of a quad above this are penalised on top."""
-    wanted_warp: float = 30.0
+    wanted_warp: float = 27.0
     """Dihedral angles at diagonals above this (degrees) are penalised on top."""
     hinge_weights: tuple[float, ...] = (0.0, 3.0, 15.0)
     """Weight of the violation of a limit, relative to a corner angle, one stage of the optimisation after another."""
+    corner_turn: float = 180.0
+    """Least turn of the boundary (degrees, over half a quad edge to both sides) that a node is put on; 180 for none."""
     relax_sweeps: int = 10
     """Local-global sweeps towards well-shaped quads before anything else."""
-    newton_steps: tuple[int, ...] = (8, 8, 6)
+    newton_steps: tuple[int, ...] = (8, 8, 10)
     """Most Gauss-Newton steps of each stage."""
     repair_angles: tuple[float, float] = (50.0, 130.0)
     """Quads with a corner angle outside these limits (degrees) are repaired together with their surroundings."""
