@@ -66,6 +66,7 @@ def mesh(
         Path | None,
         typer.Option(metavar="FILE.toml", exists=True, dir_okay=False, help="Options of all stages, one table each."),
     ] = None,
+    fast: Annotated[bool, typer.Option("--fast", help="Half the time, somewhat worse quads.")] = False,
     remesh: Annotated[bool, typer.Option("--remesh", help="Remesh the input isotropically first.")] = False,
     compare: Annotated[
         bool, typer.Option("--compare", help="Run Gmsh's methods on the same surfaces too; takes minutes.")
@@ -97,6 +98,7 @@ def mesh(
 
         options = MeshOptions() if config is None else read_settings(config)
         options = options.sized(target_quads, target_edge)
+        options = options.fast() if fast else options
         cleanup = replace(
             options.cleanup, remesh=remesh or options.cleanup.remesh, strict=strict or options.cleanup.strict
         )

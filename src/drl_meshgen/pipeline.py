@@ -68,6 +68,11 @@ class MeshOptions:
         size |= {} if target_edge is None else {"target_edge": target_edge}
         return replace(self, decompose=replace(self.decompose, **size))
 
+    def fast(self) -> "MeshOptions":
+        """Return these options with less effort: about half the time for somewhat worse quads (decision 0007)."""
+        decompose = replace(self.decompose, exponents=self.decompose.exponents[:1], strips=False)
+        return replace(self, decompose=decompose, smoothing=self.smoothing.fast())
+
     def by_stage(
         self, source: str, triangles: int = ModelOptions.triangles, *, compare: bool = False
     ) -> dict[str, object]:

@@ -1,6 +1,6 @@
 """Options, verdict and result of the node optimiser."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -62,6 +62,12 @@ class SmoothingOptions:
     """Most conjugate-gradient iterations of each Gauss-Newton step."""
     step_limit: float = 0.5
     """Longest step of a node, in mean lengths of the edges at it."""
+
+    def fast(self) -> "SmoothingOptions":
+        """Return these options with fewer steps of each kind."""
+        return replace(
+            self, relax_sweeps=5, hinge_weights=(0.0, 6.0), newton_steps=(5, 5), cg_iterations=25, repair_rounds=1
+        )
 
 
 @dataclass(frozen=True, eq=False)
