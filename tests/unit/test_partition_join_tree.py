@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from drl_meshgen.partition.join_tree import join_tree
+from drl_meshgen.partition.join_tree import Large, join_tree
 from tests.chains import grid
 
 FEW = settings(max_examples=40, deadline=None, derandomize=True)
@@ -61,6 +61,27 @@ def test_a_peak_of_little_persistence_is_absorbed_by_its_neighbour():
     assert tree.tips == (1, 5)
     assert tree.basin[3] == 1
     assert set(tree.basin.tolist()) == {1, 5}
+
+
+@pytest.mark.parametrize(("least", "tips"), [(3.0, (2, 7)), (3.1, (7,))])
+def test_a_peak_of_little_persistence_stays_where_both_sides_of_its_saddle_have_enough_area(least, tips):
+    # three vertices lie above the saddle on one side, four on the other
+    edges, depth = path([0, 2.1, 2.5, 2.2, 2, 2.3, 2.4, 6, 2.2, 0])
+    large = Large(np.ones(10), least, 0.4)
+    assert join_tree(edges, depth, 1.0, 0.1, large).tips == tips
+    assert join_tree(edges, depth, 1.0, 0.1).tips == (7,)
+    assert join_tree(edges, depth, 1.0, 0.1, Large(np.ones(10), least, 0.6)).tips == (7,)
+
+
+@FEW
+@given(depths, st.floats(0.5, 6), st.floats(0.1, 1.0), st.floats(0, 9))
+def test_large_limbs_are_kept_between_those_of_the_two_persistences(depth, persistence, share, least):
+    few = join_tree(SHEET.edges, depth, persistence, 1.0)
+    many = join_tree(SHEET.edges, depth, share * persistence, 1.0)
+    some = join_tree(SHEET.edges, depth, persistence, 1.0, Large(np.ones(56), least, share * persistence))
+    assert set(few.tips) <= set(some.tips) <= set(many.tips)
+    if least == 0:
+        assert some.tips == many.tips
 
 
 def test_saddles_closer_than_the_shortest_arc_are_one_junction():

@@ -38,9 +38,7 @@ def loop_distances(mesh: TriMesh, loops: tuple[Int[np.ndarray, " n"], ...]) -> F
     Varadhan's formula `-s log(w / w_loop)` with `(M + s^2 L) w = source on the loop`, one factorisation for all.
     """
     matrix = stiffness(mesh, corner_weights(mesh))
-    mass = np.zeros(len(mesh.vertices))
-    for k in range(3):
-        mass += np.bincount(mesh.triangles[:, k], mesh.areas / 3, len(mass))
+    mass = mesh.vertex_areas
     scale = float(np.median([loop_length(mesh, loop) for loop in loops])) / 12
     source = np.zeros((len(mass), len(loops)))
     for n, loop in enumerate(loops):

@@ -53,6 +53,14 @@ class TriMesh:
         return np.linalg.norm(self._cross, axis=1) / 2
 
     @cached_property
+    def vertex_areas(self) -> Float[np.ndarray, " v"]:
+        """Third of the area of the triangles around each vertex."""
+        total = np.zeros(len(self.vertices))
+        for k in range(3):
+            total += np.bincount(self.triangles[:, k], self.areas / 3, len(total))
+        return total
+
+    @cached_property
     def normals(self) -> Float[np.ndarray, "f 3"]:
         """Unit triangle normals (zero for degenerate triangles)."""
         return self._cross / np.maximum(2 * self.areas, np.finfo(float).tiny)[:, None]

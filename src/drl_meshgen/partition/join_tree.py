@@ -27,6 +27,15 @@ class Arc:
 
 
 @dataclass(frozen=True, eq=False)
+class Large:
+    """Which limbs need less `persistence` than others: those whose vertices have at least `least` of `area (v,)`."""
+
+    area: Float[np.ndarray, " v"]
+    least: float
+    persistence: float
+
+
+@dataclass(frozen=True, eq=False)
 class JoinTree:
     """Simplified join tree.
 
@@ -41,16 +50,23 @@ class JoinTree:
 
 
 def join_tree(
-    edges: Int[np.ndarray, "e 2"], depth: Float[np.ndarray, " v"], persistence: float, min_arc: float
+    edges: Int[np.ndarray, "e 2"],
+    depth: Float[np.ndarray, " v"],
+    persistence: float,
+    min_arc: float,
+    large: Large | None = None,
 ) -> JoinTree:
     """Build the join tree of `depth` on the graph `edges`, one for each of its components, and simplify it.
 
-    Tips of less than `persistence` are absorbed; saddles joined by an arc shorter than `min_arc` become one junction.
-    Both are in units of the depth (log scale).
+    Tips of less than `persistence` are absorbed, unless both sides of their saddle are `large`; saddles joined by an
+    arc shorter than `min_arc` become one junction. `persistence` and `min_arc` are in units of the depth (log scale).
     """
     basin = _basins(edges, depth)
     merges = _merges(edges, depth, basin)
     significant = merges.persistence.to_numpy() >= persistence
+    if large is not None:
+        asked = ~significant & (merges.persistence.to_numpy() >= large.persistence)
+        significant |= _smaller_sides(merges, asked, depth, basin, large.area) >= large.least
     merges["significant"] = significant
     tops = np.setdiff1d(basin, merges.dies).tolist()
     tips = (*tops, *merges.dies[significant].astype(int))
@@ -105,6 +121,31 @@ def _merges(edges: np.ndarray, depth: np.ndarray, basin: np.ndarray) -> pd.DataF
     return frame.astype(
         {"saddle": np.int64, "dies": np.int64, "survives": np.int64, "value": float, "persistence": float}
     )
+
+
+def _smaller_sides(
+    merges: pd.DataFrame, asked: np.ndarray, depth: np.ndarray, basin: np.ndarray, area: np.ndarray
+) -> Float[np.ndarray, " m"]:
+    """Area above each saddle of the smaller of the two components that meet there; -1 where nobody `asked`."""
+    order = np.lexsort((-depth, basin))
+    tips, first = np.unique(basin[order], return_index=True)
+    bounds = np.r_[first, len(order)]
+    span = {int(tip): (int(a), int(b)) for tip, a, b in zip(tips, bounds, bounds[1:], strict=False)}
+    height, total = -depth[order], np.r_[0.0, np.cumsum(area[order])]
+
+    def above(members: list[int], level: float) -> float:
+        ends = [(a, a + np.searchsorted(height[a:b], -level)) for a, b in (span[tip] for tip in members)]
+        return float(sum(total[b] - total[a] for a, b in ends))
+
+    members: dict[int, list[int]] = {}
+    out = np.full(len(merges), -1.0)
+    for k, (level, dies, survives) in enumerate(merges[["value", "dies", "survives"]].itertuples(index=False)):
+        less, more = sorted((members.pop(int(tip), [int(tip)]) for tip in (dies, survives)), key=len)
+        if asked[k]:
+            out[k] = min(above(less, level), above(more, level))
+        more.extend(less)
+        members[int(survives)] = more
+    return out
 
 
 def _absorbed(basin: np.ndarray, merges: pd.DataFrame) -> np.ndarray:

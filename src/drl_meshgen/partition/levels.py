@@ -7,7 +7,7 @@ import pandas as pd
 from jaxtyping import Bool, Float
 
 from drl_meshgen.mesh import TriMesh
-from drl_meshgen.partition.join_tree import Arc, JoinTree
+from drl_meshgen.partition.join_tree import Arc, JoinTree, Large
 
 
 @dataclass(frozen=True)
@@ -18,6 +18,10 @@ class PartitionOptions:
     """Damped averaging sweeps of the depth before anything else (count)."""
     persistence: float = 1.2
     """Tips that rise less above their saddle are noise (depth units)."""
+    large_limb: float = 0.0025
+    """Limbs of at least this area are not noise so soon: they would be missed (share of the surface's)."""
+    large_share: float = 0.7
+    """Share of the persistence that they need (ratio)."""
     min_arc: float = 0.6
     """Saddles closer than this along an arc are one junction (depth units)."""
     cap_depth: float = 1.0
@@ -30,6 +34,10 @@ class PartitionOptions:
     """Farthest from a saddle that its contour is looked for (depth units)."""
     bottleneck: float = 1.3
     """A tube is put between the boundary and the first junction if its contour is at most this times the boundary."""
+
+    def large(self, surface: TriMesh) -> Large:
+        """Return which limbs of `surface` are large."""
+        return Large(surface.vertex_areas, self.large_limb * surface.area, self.large_share * self.persistence)
 
 
 @dataclass(frozen=True)

@@ -105,7 +105,7 @@ def partition(
     if len(root) < surface.topology.components[0]:
         raise StageError("partition", Outcome.NO_BOUNDARY)
     depth = smoothed_depth(surface, u, options.smoothing)
-    tree = join_tree(surface.topology.edges, depth, options.persistence, options.min_arc)
+    tree = join_tree(surface.topology.edges, depth, options.persistence, options.min_arc, options.large(surface))
     whole = CutSurface.whole(surface, depth)
     levels, done = [], whole
     for level in choose_levels(surface, depth, tree, options):
