@@ -5,9 +5,8 @@ import pytest
 from typer.testing import CliRunner
 
 from drl_meshgen.cli import app
-from drl_meshgen.export import write_surface_ply
+from drl_meshgen.export import read_mesh, write_surface_ply
 from drl_meshgen.mesh import TriMesh
-from tests.standins import hemisphere
 from tests.strategies import flat_disk
 
 DISK = flat_disk(500)
@@ -47,24 +46,6 @@ def strip(twist, n=60, m=6):
     return points, np.r_[np.c_[a, b, c], np.c_[a, c, d]]
 
 
-def torus(n=40, m=20, hole=0):
-    """Torus without the cells whose two indices are both below `hole`."""
-    u, v = np.meshgrid(2 * np.pi * np.arange(n) / n, 2 * np.pi * np.arange(m) / m, indexing="ij")
-    r = 1 + 0.3 * np.cos(v)
-    points = np.stack([r * np.cos(u), r * np.sin(u), 0.3 * np.sin(v)], -1).reshape(-1, 3)
-    i, j = (a.ravel() for a in np.indices((n, m)))
-    a, b, c, d = (np.ravel_multi_index(((i + p) % n, (j + q) % m), (n, m)) for p, q in ((0, 0), (1, 0), (1, 1), (0, 1)))
-    kept = (i >= hole) | (j >= hole)
-    return points, np.r_[np.c_[a, b, c][kept], np.c_[a, c, d][kept]]
-
-
-def sphere():
-    """Two hemispheres glued along their common rim."""
-    half = hemisphere(12)
-    points = np.vstack([half.vertices, half.vertices * [1, 1, -1]])
-    return points, np.vstack([half.triangles, half.triangles[:, ::-1] + len(half.vertices)])
-
-
 def three_sheets():
     """Three half disks that meet in a line of edges."""
     n = 12
@@ -89,11 +70,7 @@ BAD = {
     "truncated": ("a.ply", truncated, "shorter than its header promises"),
     "points only": ("a.obj", text("v 0 0 0\nv 1 0 0\nv 0 1 0\n"), "no triangles"),
     "NaN coordinates": ("a.ply", with_nan(), "NaN"),
-    "edges of three triangles": ("a.ply", ply(*three_sheets()), "three or more triangles"),
     "one-sided": ("a.ply", ply(*strip(1)), "one side"),
-    "closed": ("a.ply", ply(*sphere()), "not meshed yet"),
-    "closed with a handle": ("a.ply", ply(*torus()), "not meshed yet"),
-    "handle": ("a.ply", ply(*torus(hole=5)), "handles are not meshed yet"),
     "a single point": ("a.ply", ply(np.ones((3, 3)), [[0, 1, 2]]), "no area"),
     "no area": ("a.ply", ply(DISK.vertices * [1, 0, 0], DISK.triangles), "no area"),
 }
@@ -134,12 +111,20 @@ def test_several_components_are_refused_when_strict(tmp_path):
     assert_refused(result, tmp_path / "out", "a.ply", "2 separate components")
 
 
-def test_largest_of_several_components_is_meshed_with_a_warning(tmp_path):
+def test_all_of_several_components_are_meshed_into_one_file(tmp_path):
     ply(*two_disks())(tmp_path / "a.ply")
     result = run(tmp_path / "a.ply", tmp_path / "out")
-    assert result.exit_code == 0, result.output
-    assert result.stderr == "warning: a: 2 separate components, only the largest is meshed\n"
-    assert (tmp_path / "out/a/mesh.vtu").is_file()
+    assert (result.exit_code, result.stderr) == (0, "")
+    mesh, _ = read_mesh(tmp_path / "out/a/mesh.vtu")
+    assert mesh.topology.components[0] == 2
+
+
+def test_sheets_that_meet_in_edges_are_meshed_each(tmp_path):
+    ply(*three_sheets())(tmp_path / "a.ply")
+    result = run(tmp_path / "a.ply", tmp_path / "out")
+    assert (result.exit_code, result.stderr) == (0, "")
+    mesh, _ = read_mesh(tmp_path / "out/a/mesh.vtu")
+    assert mesh.topology.components[0] == 2
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1e9])

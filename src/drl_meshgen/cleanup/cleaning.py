@@ -6,17 +6,21 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from drl_meshgen.cleanup import repair
-from drl_meshgen.cleanup.meshlab import remesh_isotropic
+from drl_meshgen.cleanup.holes import fill_holes
 from drl_meshgen.cleanup.refine import refined, widened_necks
+from drl_meshgen.cleanup.remesh import remeshed
 from drl_meshgen.cleanup.repair import CleanupWarning
+from drl_meshgen.cleanup.sheets import manifold
 from drl_meshgen.cleanup.transfer import transferred
 from drl_meshgen.errors import InputError
 from drl_meshgen.mesh import TriMesh
-from drl_meshgen.mesh.topology import Topology
 from drl_meshgen.models.surface import RawSurface, frozen_arrays
+from drl_meshgen.ricci.pinches import separating_triangles
+
+_TANGLED = 0.01  # share of the triangles that may be left out where sheets cannot be taken apart
 
 
 @dataclass(frozen=True)
@@ -27,14 +31,19 @@ class CleanupOptions:
     """Points closer than this are one point (fraction of the bounding-box diagonal)."""
     flat_limit: float = 1e-7
     """Triangles with a smaller height over their longest side are degenerate (ratio)."""
+    fill_holes: float = 0.02
+    """Longest hole that is filled (length around, fraction of the diagonal; holes of at most six edges may be four
+    times as long); 0: none."""
+    specks: float = 1e-4
+    """Components with less than this share of the area are left out; ten times that below eight triangles (ratio)."""
     strict: bool = False
-    """Refuse a surface of several components instead of keeping the largest."""
+    """Refuse a surface of several components instead of meshing each."""
     remesh: bool = False
     """Remesh isotropically after the repairs."""
     remesh_edge: float | None = None
     """Edge length of remeshing (fraction of the diagonal); None: the number of triangles stays about the same."""
     min_triangles: int = 4_000
-    """Coarser surfaces are subdivided at edge midpoints, which keeps their shape, to at least this many triangles."""
+    """Coarser components are subdivided at edge midpoints, which keeps their shape, to at least this many triangles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +51,7 @@ class CleanupResult:
     """The cleaned surface and what was done to get it."""
 
     surface: TriMesh
-    """One oriented manifold component with at least one boundary loop, in the units of the input."""
+    """Oriented and manifold, one component or several, in the units of the input."""
     audit: pd.DataFrame
     """One row per step: `step`, `count` (items changed), `remark`."""
     point_data: Mapping[str, Float[np.ndarray, " v"]] = field(default_factory=dict)
@@ -64,55 +73,71 @@ class _Audit:
 
 
 def clean(raw: RawSurface, options: CleanupOptions = CleanupOptions()) -> CleanupResult:
-    """Make `raw` one oriented manifold surface of genus 0 with a boundary.
+    """Make `raw` one oriented manifold surface of one component or several.
 
     A surface that is clean already comes back unchanged, vertex by vertex. Lengths are judged relative to the
     bounding-box diagonal, so any unit works.
 
-    Raises `InputError` for what cannot be mended: non-manifold edges that are not fins, a surface that cannot be
-    oriented, several components when `strict`, a closed surface, handles, no area.
-    Warns with `CleanupWarning` when components are left out.
+    Raises `InputError` for what cannot be mended: a component that cannot be oriented, several components when
+    `strict`, no area, triangles tangled beyond repair.
+    Warns with `CleanupWarning` where components are left out or holes are filled.
     """
     audit = _Audit()
     points, scale, shift = _normalised(raw)
     triangles = _repaired(raw.name, points, raw.triangles, options, audit)
-    triangles, source, copies = repair.split_pinched(len(points), triangles)
-    audit.add("split non-manifold vertices", copies)
-    oriented, turned = repair.orient(len(source), triangles)
-    if oriented is None:
-        raise InputError(raw.name, "the surface has only one side (it cannot be oriented)", "cut or repair it")
+    triangles, source, counts, tangled = manifold(points, triangles)
+    if counts["triangles"] > _TANGLED * len(triangles):
+        defect = f"{counts['triangles']} triangles are tangled at edges of three or more, {_place(raw, tangled)}"
+        raise InputError(raw.name, defect, "separate the sheets that meet there")
+    audit.add("take sheets apart at edges of three or more triangles", counts["edges"])
+    audit.add("drop tangled triangles", counts["triangles"])
+    audit.add("split non-manifold vertices", counts["vertices"])
+    triangles = _without_specks(raw.name, points[source], triangles, options, audit)
+    triangles, turned, one_sided = repair.orient(len(source), triangles)
+    if one_sided.any():
+        defect = f"the surface has only one side {_place(raw, source[triangles[one_sided]])} (it cannot be oriented)"
+        raise InputError(raw.name, defect, "cut or repair it")
     audit.add("orient triangles", turned)
-    keep, components = repair.largest_component(points[source], oriented)
-    if components > 1:
-        if options.strict:
-            raise InputError(raw.name, f"{components} separate components", "keep one, or drop the strict option")
-        message = f"{raw.name}: {components} separate components, only the largest is meshed"
-        warnings.warn(message, CleanupWarning, stacklevel=2)
-    audit.add("drop smaller components", components - 1, f"{int((~keep).sum())} triangles" if components > 1 else "")
-    oriented = oriented[keep]
-    used = np.unique(oriented)
+    triangles, filled = fill_holes(points[source], triangles, options.fill_holes)
+    audit.add("fill small holes", filled)
+    if filled:
+        _warn(f"{raw.name}: {filled} small hole{'s'[: filled > 1]} filled")
+    used = np.unique(triangles)
     audit.add("drop unused vertices", len(source) - len(used))
     origin = source[used]
     if len(used) == len(raw.points) == len(source):
-        surface = TriMesh(raw.points, oriented)
+        surface = TriMesh(raw.points, triangles)
     else:
         renumber = np.zeros(len(source), np.int64)
         renumber[used] = np.arange(len(used))
-        surface = TriMesh(raw.points[origin], renumber[oriented])
-    _check_topology(raw.name, surface.topology)
+        surface = TriMesh(raw.points[origin], renumber[triangles])
     if options.remesh:
         before = len(surface.triangles)
-        surface = _remeshed(surface, scale, shift, options)
+        surface, kept = remeshed(surface, scale, shift, options.remesh_edge)
         audit.add("remesh", len(surface.triangles), f"from {before} triangles")
-        _check_topology(raw.name, surface.topology)
+        audit.add("components not remeshed", kept, "remeshing would change their topology")
+        if kept:
+            _warn(f"{raw.name}: {kept} component{'s'[: kept > 1]} not remeshed, because that would tear them")
     surface, rounds = refined(surface, options.min_triangles)
     audit.add("refine by midpoints", rounds, f"{len(surface.triangles)} triangles")
     surface, necks = widened_necks(surface)
     audit.add("widen necks of three edges", necks)
     slivers = int((repair.flatness(surface.vertices / scale, surface.triangles) < 0.02).sum())
     audit.add("slivers left", slivers, "height below 2 % of the longest side; kept")
+    _check_necks(raw.name, surface)
     carried = transferred(raw.points[origin], {k: a[origin] for k, a in raw.point_data.items()}, surface.vertices)
     return CleanupResult(surface, audit.table(), carried)
+
+
+def _warn(message: str) -> None:
+    warnings.warn(message, CleanupWarning, stacklevel=3)
+
+
+def _place(raw: RawSurface, vertices: Int[np.ndarray, "..."]) -> str:
+    """Where one of the vertices is, in the units of the input: the one nearest to their middle."""
+    p = raw.points[np.unique(vertices)]
+    x, y, z = p[np.linalg.norm(p - p.mean(axis=0), axis=1).argmin()]
+    return f"near ({x:.6g}, {y:.6g}, {z:.6g})"
 
 
 def _normalised(raw: RawSurface) -> tuple[np.ndarray, float, np.ndarray]:
@@ -133,7 +158,7 @@ def _normalised(raw: RawSurface) -> tuple[np.ndarray, float, np.ndarray]:
 def _repaired(
     name: str, points: np.ndarray, triangles: np.ndarray, options: CleanupOptions, audit: _Audit
 ) -> np.ndarray:
-    """Merge, drop and trim until every edge has one or two triangles."""
+    """Merge points, drop what has no area, trim fins."""
     ids = repair.merged_ids(points, options.merge_tolerance)
     audit.add("merge duplicate points", (ids != np.arange(len(ids))).sum())
     triangles = ids[triangles]
@@ -149,32 +174,25 @@ def _repaired(
     audit.add("mend flat triangles", mended)
     triangles, trimmed = repair.trim_fins(points, triangles)
     audit.add("trim fins at non-manifold edges", trimmed)
-    topology = Topology(len(points), triangles)
-    crowded = np.nonzero(topology.edge_count > 2)[0]
-    if len(crowded):
-        place = points[topology.edges[crowded[0]]].mean(axis=0)
-        raise InputError(
-            name,
-            f"{len(crowded)} edges belong to three or more triangles, one near ({place[0]:.3g}, {place[1]:.3g}, "
-            f"{place[2]:.3g}) x diagonal from the centre",
-            "separate the sheets that meet there",
-        )
     return triangles
 
 
-def _check_topology(name: str, topology: Topology) -> None:
-    loops, euler = len(topology.loops), topology.euler
-    genus = (2 - euler - loops) // 2
-    facts = f"Euler characteristic {euler}, genus {genus}, {loops} boundary loops"
-    if loops == 0:
-        raise InputError(name, f"closed surfaces are not meshed yet ({facts})", "cut an opening")
-    if genus > 0:
-        raise InputError(name, f"surfaces with handles are not meshed yet ({facts})", "cut the handles open")
+def _without_specks(
+    name: str, points: np.ndarray, triangles: np.ndarray, options: CleanupOptions, audit: _Audit
+) -> np.ndarray:
+    speck, left_out, components = repair.specks(points, triangles, options.specks)
+    if options.strict and components > 1:
+        raise InputError(name, f"{components} separate components", "keep one, or drop the strict option")
+    if left_out:
+        _warn(f"{name}: {left_out} of {components} components left out, each below {options.specks:g} of the area")
+    remark = f"{int(speck.sum())} triangles of {components} components" if left_out else f"{components} components"
+    audit.add("leave out specks", left_out, remark)
+    return triangles[~speck]
 
 
-def _remeshed(surface: TriMesh, scale: float, shift: np.ndarray, options: CleanupOptions) -> TriMesh:
-    points = (surface.vertices - shift) / scale
-    area = surface.area / scale**2
-    edge = options.remesh_edge or float(np.sqrt(4 / np.sqrt(3) * area / len(surface.triangles)))
-    new_points, triangles = remesh_isotropic(points, surface.triangles, edge)
-    return TriMesh(new_points * scale + shift, triangles)
+def _check_necks(name: str, surface: TriMesh) -> None:
+    necks = separating_triangles(surface)
+    if len(necks):
+        x, y, z = surface.vertices[necks[0]].mean(axis=0)
+        defect = f"{len(necks)} necks of three edges cannot be widened, one near ({x:.6g}, {y:.6g}, {z:.6g})"
+        raise InputError(name, defect, "remesh the surface there")

@@ -42,17 +42,23 @@ def subdivided(mesh: TriMesh) -> TriMesh:
 
 
 def refined(mesh: TriMesh, at_least: int) -> tuple[TriMesh, int]:
-    """Subdivide until the mesh has `at_least` triangles; returns the mesh and the number of rounds."""
+    """Subdivide each component until it has `at_least` triangles; returns the mesh and the number of rounds."""
     rounds = 0
-    while len(mesh.triangles) < at_least:
-        mesh, rounds = subdivided(mesh), rounds + 1
-    return mesh, rounds
+    while True:
+        label = mesh.topology.components[1]
+        coarse = (np.bincount(label) < at_least)[label]
+        if not coarse.any():
+            return mesh, rounds
+        marked = np.zeros(len(mesh.topology.edges), bool)
+        marked[mesh.topology.face_edges[coarse]] = True
+        mesh, rounds = split_edges(mesh, marked), rounds + 1
 
 
 def widened_necks(mesh: TriMesh, rounds: int = 4) -> tuple[TriMesh, int]:
-    """Split the edges of separating 3-cycles until none is left or `rounds` are over; returns the number at the start.
+    """Split the edges of 3-cycles that bound no triangle until none is left or `rounds` are over.
 
-    A limb pinched to a ring of three edges gets one of six; the shape stays.
+    A limb pinched to a ring of three edges gets one of six; the shape stays. Returns the mesh and the number of
+    cycles at the start.
     """
     found = separating_triangles(mesh)
     count = len(found)

@@ -15,8 +15,11 @@ Triangles = Int[np.ndarray, "m 3"]
 Points = Float[np.ndarray, "n 3"]
 
 
+_FEW_TRIANGLES = 8
+
+
 class CleanupWarning(UserWarning):
-    """Part of the input was left out."""
+    """Part of the input was left out, or added to."""
 
 
 def merged_ids(points: Points, tolerance: float) -> Int[np.ndarray, " n"]:
@@ -47,8 +50,13 @@ def flatness(points: Points, triangles: Triangles) -> Float[np.ndarray, " m"]:
     """Smallest height of each triangle over its longest side: 0.87 when equilateral, 0 when degenerate."""
     p = points[triangles]
     longest = np.linalg.norm(np.roll(p, -1, axis=1) - p, axis=2).max(axis=1)
-    area2 = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1)
-    return area2 / np.maximum(longest, np.finfo(float).tiny) ** 2
+    return 2 * areas(points, triangles) / np.maximum(longest, np.finfo(float).tiny) ** 2
+
+
+def areas(points: Points, triangles: Triangles) -> Float[np.ndarray, " m"]:
+    """Area of each triangle."""
+    p = points[triangles]
+    return np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1) / 2
 
 
 def mend_flat(points: Points, triangles: Triangles, limit: float) -> tuple[Triangles, int]:
@@ -89,7 +97,7 @@ def mend_flat(points: Points, triangles: Triangles, limit: float) -> tuple[Trian
 
 
 def trim_fins(points: Points, triangles: Triangles) -> tuple[Triangles, int]:
-    """Drop triangles that hang on an edge of three or more triangles by one side and are free on another.
+    """Drop triangles that hang on an edge of three or more triangles by one side and are free on the other two.
 
     The smallest go first and only until the edge is manifold, so no hole is torn.
     """
@@ -98,11 +106,10 @@ def trim_fins(points: Points, triangles: Triangles) -> tuple[Triangles, int]:
         topology = Topology(len(points), triangles)
         crowded = topology.edge_count[topology.face_edges] > 2
         free = topology.edge_count[topology.face_edges] == 1
-        fins = np.nonzero(crowded.any(axis=1) & free.any(axis=1))[0]
+        fins = np.nonzero(crowded.any(axis=1) & (free.sum(axis=1) == 2))[0]
         if len(fins) == 0:
             return triangles, trimmed
-        p = points[triangles[fins]]
-        area = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1)
+        area = areas(points, triangles[fins])
         left = topology.edge_count.copy()
         drop = []
         for f in fins[np.lexsort((fins, area))].tolist():
@@ -114,47 +121,16 @@ def trim_fins(points: Points, triangles: Triangles) -> tuple[Triangles, int]:
         trimmed += len(drop)
 
 
-def split_pinched(n_points: int, triangles: Triangles) -> tuple[Triangles, Int[np.ndarray, " n2"], int]:
-    """Give each fan of triangles around a vertex its own vertex (edges must be manifold).
-
-    Returns the triangles, the source of each vertex (old vertices first) and the number of copies.
-    """
-    topology = Topology(n_points, triangles)
-    m = len(triangles)
-    face, side = np.nonzero(topology.neighbours >= 0)
-    other = topology.neighbours[face, side]
-    links = []
-    for k in range(2):
-        vertex = triangles[face, (side + k) % 3]
-        corner = (triangles[other] == vertex[:, None]).argmax(axis=1)
-        links.append(np.c_[face * 3 + (side + k) % 3, other * 3 + corner])
-    link = np.vstack(links)
-    graph = coo_matrix((np.ones(len(link)), link.T), (3 * m, 3 * m))
-    n_fans, fan = connected_components(graph, directed=False)
-    if n_fans == int(topology.used.sum()):
-        return triangles, np.arange(n_points), 0
-    vertex_of_fan = np.empty(n_fans, np.int64)
-    vertex_of_fan[fan] = triangles.ravel()
-    _, first_corner = np.unique(fan, return_index=True)
-    order = np.argsort(first_corner)
-    _, first_fan = np.unique(vertex_of_fan[order], return_index=True)
-    is_copy = np.ones(n_fans, bool)
-    is_copy[first_fan] = False
-    new_id = np.empty(n_fans, np.int64)
-    new_id[order] = np.where(is_copy, n_points + np.cumsum(is_copy) - 1, vertex_of_fan[order])
-    source = np.r_[np.arange(n_points), vertex_of_fan[order][is_copy]]
-    return new_id[fan].reshape(-1, 3), source, int(is_copy.sum())
-
-
-def orient(n_points: int, triangles: Triangles) -> tuple[Triangles | None, int]:
-    """Turn triangles so that neighbours agree, as few as possible in each component; None if that is impossible.
+def orient(n_points: int, triangles: Triangles) -> tuple[Triangles, int, Bool[np.ndarray, " m"]]:
+    """Turn triangles so that neighbours agree, as few as possible in each component.
 
     Works on the orientation double cover: a surface is orientable if no triangle is connected to its mirror image.
+    Returns the triangles, how many were turned, and which belong to components with only one side (left as they are).
     """
     topology = Topology(n_points, triangles)
-    if len(topology.misoriented_edges) == 0:
-        return triangles, 0
     m = len(triangles)
+    if len(topology.misoriented_edges) == 0:
+        return triangles, 0, np.zeros(m, bool)
     inner = topology.edge_count == 2
     disagree = np.zeros(len(topology.edges), bool)
     disagree[topology.misoriented_edges] = True
@@ -162,19 +138,22 @@ def orient(n_points: int, triangles: Triangles) -> tuple[Triangles | None, int]:
     odd = disagree[inner]
     rows, columns = np.r_[f, f + m], np.r_[np.where(odd, g + m, g), np.where(odd, g, g + m)]
     _, sheet = connected_components(coo_matrix((np.ones(len(rows)), (rows, columns)), (2 * m, 2 * m)), directed=False)
-    if (sheet[:m] == sheet[m:]).any():
-        return None, 0
+    one_sided = sheet[:m] == sheet[m:]
     size = np.bincount(sheet[:m], minlength=sheet.max() + 1)
     mirror_size = size[sheet[m:]]
-    keep = (size[sheet[:m]] > mirror_size) | ((size[sheet[:m]] == mirror_size) & (sheet[:m] < sheet[m:]))
-    return np.where(keep[:, None], triangles, triangles[:, ::-1]), int((~keep).sum())
+    keep = (size[sheet[:m]] > mirror_size) | ((size[sheet[:m]] == mirror_size) & (sheet[:m] < sheet[m:])) | one_sided
+    return np.where(keep[:, None], triangles, triangles[:, ::-1]), int((~keep).sum()), one_sided
 
 
-def largest_component(points: Points, triangles: Triangles) -> tuple[Bool[np.ndarray, " m"], int]:
-    """Triangles of the component with the largest area (joined through edges) and the number of components."""
+def specks(points: Points, triangles: Triangles, share: float) -> tuple[Bool[np.ndarray, " m"], int, int]:
+    """Triangles of components too small to matter, the number of these components and of all (joined through edges).
+
+    Small is less than `share` of the area, ten times that with fewer than eight triangles; the largest component is
+    never a speck.
+    """
     n, label = Topology(len(points), triangles).components
-    if n == 1:
-        return np.ones(len(triangles), bool), 1
-    p = points[triangles]
-    area = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1)
-    return label == np.bincount(label, weights=area).argmax(), n
+    area = np.bincount(label, weights=areas(points, triangles))
+    few = np.bincount(label) < _FEW_TRIANGLES
+    small = area < area.sum() * share * np.where(few, 10, 1)
+    small[area.argmax()] = False
+    return small[label], int(small.sum()), n
