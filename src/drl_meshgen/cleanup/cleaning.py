@@ -32,8 +32,8 @@ class CleanupOptions:
     flat_limit: float = 1e-7
     """Triangles with a smaller height over their longest side are degenerate (ratio)."""
     fill_holes: float = 0.02
-    """Longest hole that is filled (length around, fraction of the diagonal; holes of at most six edges may be four
-    times as long); 0: none."""
+    """Longest hole that is filled (length around, fraction of the diagonal; holes of at most six edges may be twice
+    as long); 0: none."""
     specks: float = 1e-4
     """Components with less than this share of the area are left out; ten times that below eight triangles (ratio)."""
     strict: bool = False

@@ -5,14 +5,14 @@ from jaxtyping import Float, Int
 
 from drl_meshgen.mesh.topology import Topology
 
-_FEW_EDGES, _LONGER = 6, 4.0
+_FEW_EDGES, _LONGER = 6, 2.0
 _COMPACT = 0.05  # weight of the squared sides beside the area, so that flat holes get no needles
 
 
 def fill_holes(
     points: Float[np.ndarray, "n 3"], triangles: Int[np.ndarray, "m 3"], longest: float
 ) -> tuple[Int[np.ndarray, "m2 3"], int]:
-    """Fill the holes up to `longest` around, those of at most six edges up to four times that.
+    """Fill the holes up to `longest` around, those of at most six edges up to twice that.
 
     Manifold, oriented triangles are needed and kept; new ones come last. Returns all triangles and how many holes
     were filled. A hole whose every triangulation would double an edge of the surface stays open.
