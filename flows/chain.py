@@ -41,6 +41,12 @@ def run_chain(tasks: Mapping[str, Task[..., Any]], surface: str, options: Mappin
     return Outcome(surface, _artifacts(refs))
 
 
+def refused(surface: str, error: MeshgenError, refs: Mapping[str, ArtifactRef] | None = None) -> Outcome:
+    """Return the outcome of a surface that ended with an error made for the user."""
+    sentence = str(error) if isinstance(error, InputError) else f"{surface}: {error}"
+    return Outcome(surface, refs or {}, sentence, error.exit_code)
+
+
 def exit_code(outcomes: Sequence[Outcome]) -> int:
     """Return the exit code of a run: that of a single surface, `SOME_FAILED` where one of several failed."""
     codes = [outcome.exit_code for outcome in outcomes]
@@ -55,8 +61,7 @@ def _artifacts(refs: Mapping[str, str]) -> dict[str, ArtifactRef]:
 
 def _failed(surface: str, refs: Mapping[str, str], stage: str, error: BaseException) -> Outcome:
     if isinstance(error, MeshgenError):
-        sentence = str(error) if isinstance(error, InputError) else f"{surface}: {error}"
-        return Outcome(surface, _artifacts(refs), sentence, error.exit_code)
+        return refused(surface, error, _artifacts(refs))
     get_run_logger().error("".join(traceback.format_exception(error)))
     sentence = f"{surface}: internal error in stage {stage}: {type(error).__name__}: {error}"
     return Outcome(surface, _artifacts(refs), sentence, INTERNAL)

@@ -11,14 +11,17 @@ from prefect import State, flow, get_run_logger
 from prefect.runtime import flow_run
 from prefect.states import Completed, Failed
 
+from drl_meshgen.commands.layout_file import steered
 from drl_meshgen.commands.meshing import verdict
 from drl_meshgen.commands.output import can_draw, folder_names
-from drl_meshgen.pipeline import COMPARED_STAGES, STAGES, MeshOptions, ModelOptions
+from drl_meshgen.commands.settings import chosen
+from drl_meshgen.errors import MeshgenError
+from drl_meshgen.pipeline import COMPARED_STAGES, STAGES, ModelOptions
 from drl_meshgen.quality import Quality, gate
 from drl_meshgen.report import OURS, slug
 from drl_meshgen.store import ArtifactRef, Execution, Store, reopen
 from flows import dashboard
-from flows.chain import BELOW_GATE, FINE, Outcome, exit_code, run_chain
+from flows.chain import BELOW_GATE, FINE, Outcome, exit_code, refused, run_chain
 from flows.server import ServerError, connected
 from tasks import (
     assembly,
@@ -118,7 +121,9 @@ def mesh(
     *,
     target_quads: int | None = None,
     triangles: int = ModelOptions.triangles,
-    seed: int = 0,
+    seed: int | None = None,
+    config: str | None = None,
+    layout: str | None = None,
     store: str | None = None,
     report: str | None = None,
     compare: bool = True,
@@ -126,17 +131,24 @@ def mesh(
     """Mesh surfaces (model names or files) one after another; a failed one does not stop the others.
 
     `target_quads` is the wanted number of quads, `triangles` the size of generated models, `seed` that of whatever is
-    random, `store` the folder of the artifact store, `report` the folder that gets the report; with `compare` other
-    meshers run on the same surfaces. The state tells which surfaces failed; its data are the outcomes.
+    random, `config` a file of settings, `layout` one of an edited layout, `store` the folder of the artifact store,
+    `report` the folder that gets the report; with `compare` other meshers run on the same surfaces. The state tells
+    which surfaces failed; its data are the outcomes.
     """
     place = Store(store)
-    options = replace(MeshOptions().sized(target_quads), seed=seed)
+    options = chosen(None if config is None else Path(config), target_quads=target_quads, seed=seed)
     stages = COMPARED_STAGES if compare else STAGES
     tasks = {stage.name: TASKS[stage.name] for stage in stages}
     outcomes: list[Outcome] = []
     methods: list[dashboard.Methods] = []
     for source, name in zip(surfaces, folder_names(surfaces), strict=True):
-        given = options.by_stage(source, triangles, compare=compare)
+        try:
+            own = options if layout is None else steered(options, Path(layout), source, triangles)
+        except MeshgenError as error:
+            outcomes.append(refused(name, error))
+            methods.append({})
+            continue
+        given = own.by_stage(source, triangles, compare=compare)
         complete = {stage.name: given.get(stage.name, stage.options()) for stage in stages}
         outcome = run_chain(tasks, name, complete, str(place.root))
         known: dashboard.Methods = {}
@@ -166,7 +178,9 @@ def main(
     *,
     target_quads: Annotated[int | None, typer.Option(min=4, help="Wanted number of quads.")] = None,
     triangles: Annotated[int, typer.Option(help="Size of generated models.")] = ModelOptions.triangles,
-    seed: Annotated[int, typer.Option(help="Seed of whatever is random.")] = 0,
+    seed: Annotated[int | None, typer.Option(help="Seed of whatever is random.")] = None,
+    config: Annotated[Path | None, typer.Option(help="Options of all stages, one table each (TOML).")] = None,
+    layout: Annotated[Path | None, typer.Option(help="Counts of an edited layout (TOML).")] = None,
     store: Annotated[
         Path | None, typer.Option(help="Artifact store (default: DRL_MESHGEN_STORE or artifacts).")
     ] = None,
@@ -182,6 +196,8 @@ def main(
                 target_quads=target_quads,
                 triangles=triangles,
                 seed=seed,
+                config=None if config is None else str(config),
+                layout=None if layout is None else str(layout),
                 store=place,
                 report=str(report),
                 compare=compare,

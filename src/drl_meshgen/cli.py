@@ -3,7 +3,6 @@
 import sys
 import traceback
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -26,6 +25,36 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
+Inputs = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="INPUT", help="Names (hemisphere, giraffe, hand, random:SEED) or files (STL PLY OBJ OFF VTP VTU)."
+    ),
+]
+Out = Annotated[Path, typer.Option(metavar="DIR", file_okay=False, help="Gets one folder per input.")]
+TargetQuads = Annotated[int | None, typer.Option(metavar="N", min=4, help="Wanted number of quads.  [default: 4000]")]
+TargetEdge = Annotated[float | None, typer.Option(metavar="H", help="Wanted edge length in the units of the input.")]
+Triangles = Annotated[int, typer.Option(metavar="N", help="Size of generated models.")]
+Config = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE.toml", exists=True, dir_okay=False, help="Options of all stages, one table each."),
+]
+LayoutFile = Annotated[
+    Path | None,
+    typer.Option("--layout", metavar="FILE.toml", exists=True, dir_okay=False, help="Counts of an edited layout."),
+]
+Counts = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--count", metavar="NAME=N", help="Quads along an edge, or rows of a ring, of the layout; may be repeated."
+    ),
+]
+Fast = Annotated[bool, typer.Option("--fast", help="Half the time, somewhat worse quads.")]
+Remesh = Annotated[bool, typer.Option("--remesh", help="Remesh the input isotropically first.")]
+Strict = Annotated[bool, typer.Option("--strict", help="Refuse inputs of several components.")]
+StoreFolder = Annotated[
+    Path | None, typer.Option("--store", metavar="DIR", file_okay=False, help="Keep stage results here and reuse them.")
+]
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an unexpected error.")]
 
 
@@ -44,65 +73,43 @@ def _common(
 
 @app.command(epilog=EXIT_CODES)
 def mesh(
-    inputs: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="INPUT", help="Names (hemisphere, giraffe, hand, random:SEED) or files (STL PLY OBJ OFF VTP VTU)."
-        ),
-    ],
-    out: Annotated[Path, typer.Option(metavar="DIR", file_okay=False, help="Gets one folder per input.")],
+    inputs: Inputs,
+    out: Out,
     *,
-    target_quads: Annotated[
-        int | None, typer.Option(metavar="N", min=4, help="Wanted number of quads.  [default: 4000]")
-    ] = None,
-    target_edge: Annotated[
-        float | None, typer.Option(metavar="H", help="Wanted edge length in the units of the input.")
-    ] = None,
-    triangles: Annotated[int, typer.Option(metavar="N", help="Size of generated models.")] = 25_000,
+    target_quads: TargetQuads = None,
+    target_edge: TargetEdge = None,
+    triangles: Triangles = 25_000,
     seed: Annotated[
         int | None, typer.Option(metavar="S", help="Seed of whatever is random, recorded with the options.")
     ] = None,
-    config: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.toml", exists=True, dir_okay=False, help="Options of all stages, one table each."),
-    ] = None,
-    fast: Annotated[bool, typer.Option("--fast", help="Half the time, somewhat worse quads.")] = False,
-    remesh: Annotated[bool, typer.Option("--remesh", help="Remesh the input isotropically first.")] = False,
+    config: Config = None,
+    layout: LayoutFile = None,
+    count: Counts = None,
+    fast: Fast = False,
+    remesh: Remesh = False,
     compare: Annotated[
         bool, typer.Option("--compare", help="Run Gmsh's methods on the same surfaces too; takes minutes.")
     ] = False,
-    strict: Annotated[bool, typer.Option("--strict", help="Refuse inputs of several components.")] = False,
+    strict: Strict = False,
     timings: Annotated[bool, typer.Option("--timings", help="Print the time of every stage.")] = False,
     no_pictures: Annotated[bool, typer.Option("--no-pictures", help="Write no PNG files.")] = False,
-    store: Annotated[
-        Path | None, typer.Option(metavar="DIR", file_okay=False, help="Keep stage results here and reuse them.")
-    ] = None,
+    store: StoreFolder = None,
     debug: Debug = False,
 ) -> None:
     """Mesh surfaces by structured quadrilateral blocks.
 
-    Writes mesh.vtu, layout.vtu, blocks.parquet, edges.parquet, quality.parquet, surface.ply, options.toml and pictures
-    to DIR/NAME; with --compare also the folder rivals. NAME is the model or the file without its suffix; where names
-    coincide, -2, -3 ... is appended.
+    Writes mesh.vtu, layout.vtu, layout.toml, blocks.parquet, edges.parquet, quality.parquet, surface.ply, options.toml
+    and pictures to DIR/NAME; with --compare also the folder rivals. NAME is the model or the file without its suffix;
+    where names coincide, -2, -3 ... is appended.
     """
-    if target_quads is not None and target_edge is not None:
-        raise typer.BadParameter("give --target-quads or --target-edge, not both")
-    if target_edge is not None and not 0 < target_edge < float("inf"):
-        raise typer.BadParameter("--target-edge must be a positive length")
+    _check_sizes(inputs, target_quads, target_edge, layout)
 
     def command() -> int:
         from drl_meshgen.commands.meshing import Request, mesh_all
-        from drl_meshgen.commands.settings import read_settings
-        from drl_meshgen.pipeline import MeshOptions
+        from drl_meshgen.commands.settings import chosen
         from drl_meshgen.store import Store
 
-        options = MeshOptions() if config is None else read_settings(config)
-        options = options.sized(target_quads, target_edge)
-        options = options.fast() if fast else options
-        cleanup = replace(
-            options.cleanup, remesh=remesh or options.cleanup.remesh, strict=strict or options.cleanup.strict
-        )
-        options = replace(options, cleanup=cleanup, seed=options.seed if seed is None else seed)
+        options = chosen(config, count or [], target_quads, target_edge, seed, fast=fast, remesh=remesh, strict=strict)
         kept = None if store is None else Store(store)
         return mesh_all(
             Request(
@@ -115,8 +122,46 @@ def mesh(
                 compare=compare,
                 timings=timings,
                 debug=debug,
+                layout=layout,
             )
         )
+
+    _run(command, debug=debug)
+
+
+@app.command(epilog=EXIT_CODES)
+def layout(
+    inputs: Inputs,
+    out: Out,
+    *,
+    target_quads: TargetQuads = None,
+    target_edge: TargetEdge = None,
+    triangles: Triangles = 25_000,
+    config: Config = None,
+    layout: LayoutFile = None,
+    count: Counts = None,
+    fast: Fast = False,
+    remesh: Remesh = False,
+    strict: Strict = False,
+    store: StoreFolder = None,
+    debug: Debug = False,
+) -> None:
+    """Lay out blocks and node counts, without a mesh.
+
+    Writes layout.toml, layout.vtp and layout.vtu to DIR/NAME: counts to edit and to give to `mesh --layout`, the edges
+    of the layout as polylines, and the surface with its regions.
+    """
+    _check_sizes(inputs, target_quads, target_edge, layout)
+
+    def command() -> int:
+        from drl_meshgen.commands.layout import layout_all
+        from drl_meshgen.commands.meshing import Request
+        from drl_meshgen.commands.settings import chosen
+        from drl_meshgen.store import Store
+
+        options = chosen(config, count or [], target_quads, target_edge, fast=fast, remesh=remesh, strict=strict)
+        kept = None if store is None else Store(store)
+        return layout_all(Request(inputs, out, options, triangles, kept, debug=debug, layout=layout))
 
     _run(command, debug=debug)
 
@@ -141,6 +186,15 @@ def check(
         return run(mesh, surface)
 
     _run(command, debug=debug)
+
+
+def _check_sizes(inputs: list[str], quads: int | None, edge: float | None, layout: Path | None) -> None:
+    if quads is not None and edge is not None:
+        raise typer.BadParameter("give --target-quads or --target-edge, not both")
+    if edge is not None and not 0 < edge < float("inf"):
+        raise typer.BadParameter("--target-edge must be a positive length")
+    if layout is not None and len(inputs) > 1:
+        raise typer.BadParameter("--layout is of one INPUT")
 
 
 def _run(command: Callable[[], int], *, debug: bool) -> None:

@@ -27,7 +27,7 @@ from drl_meshgen.seams import OpenedSurface, SeamOptions, open_surface
 from drl_meshgen.smoothing import SmoothingOptions, optimise
 from drl_meshgen.smoothing.final import FinalMesh
 from drl_meshgen.store import Execution, Progress, Stage, Store, execute
-from drl_meshgen.store.canonical import file_digest
+from drl_meshgen.store.canonical import digest, file_digest
 
 
 @dataclass(frozen=True)
@@ -105,6 +105,15 @@ def _model_identity(options: ModelOptions) -> object:
         return options
     path = existing_file(options.source)
     return {"name": path.name, "content": file_digest(path)}
+
+
+def content_of(options: ModelOptions) -> str:
+    """Return the digest of a surface as it comes in, whatever its file is called.
+
+    Raises `InputError` where there is no such file and OSError where it cannot be read.
+    """
+    identity = _model_identity(options)
+    return str(identity["content"]) if isinstance(identity, dict) else digest(identity)
 
 
 def _read_model(_inputs: Mapping[str, Any], options: ModelOptions) -> RawSurface:
@@ -212,6 +221,10 @@ COMPARED_STAGES: tuple[Stage[Any, Any], ...] = (
         parts=_seconds,
     ),
 )
+
+
+#: Stages with options that decide on the layout; what comes after only fills it.
+LAYOUT_STAGES = ("cleanup", "ricci", "partition", "decompose")
 
 
 def run(

@@ -24,7 +24,16 @@ from drl_meshgen.pipeline import MeshOptions
 from tests.standins import hemisphere, hemisphere_ogrid
 from tests.strategies import flat_disk
 
-FILES = {"mesh.vtu", "layout.vtu", "blocks.parquet", "edges.parquet", "quality.parquet", "surface.ply", "options.toml"}
+FILES = {
+    "mesh.vtu",
+    "layout.vtu",
+    "layout.toml",
+    "blocks.parquet",
+    "edges.parquet",
+    "quality.parquet",
+    "surface.ply",
+    "options.toml",
+}
 
 
 def run(*arguments):

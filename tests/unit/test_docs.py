@@ -121,7 +121,8 @@ def options(parameter):
 def test_every_command_of_the_pages_parses(words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "settings.toml").touch()
-    if len(words) > 1 and words[1] in ("mesh", "check") and len(words) > 2:
+    (tmp_path / "layout.toml").touch()
+    if len(words) > 2 and words[1] in ("mesh", "layout", "check"):
         context = parser(words[1]).make_context(words[1], words[2:])
         assert context.params
 
@@ -132,7 +133,7 @@ def test_every_command_of_the_flow_parses(words):
 
 
 def test_every_option_of_the_readme_exists():
-    known = {o for command in (parser("mesh"), parser("check"), flow()) for p in command.params for o in options(p)}
+    known = {o for command in (*map(parser, ("mesh", "layout", "check")), flow()) for p in command.params for o in options(p)}
     foreign = {"--type", "--all", "--pool", "--build"}  # of Prefect and Docker
     assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", README)) - known - foreign == set()
 

@@ -14,10 +14,12 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from drl_meshgen import pipeline
+from drl_meshgen.commands.layout_file import steered
 from drl_meshgen.commands.output import (
     can_draw,
     complete,
     folder_names,
+    write_layout_file,
     write_pictures,
     write_results,
     write_rivals,
@@ -54,6 +56,8 @@ class Request:
     """Print how long each stage took."""
     debug: bool = False
     """Show the traceback of an unexpected error."""
+    layout: Path | None = None
+    """File of an edited layout that the mesh gets."""
 
 
 def mesh_all(request: Request) -> int:
@@ -64,10 +68,15 @@ def mesh_all(request: Request) -> int:
     if request.pictures and not can_draw():
         typer.echo("warning: no pictures, because the library EGL is not installed (libegl1)", err=True)
         request = replace(request, pictures=False)
+    return for_all(request, _mesh_one)
+
+
+def for_all(request: Request, one: Callable[[Request, str, str], int]) -> int:
+    """Run `one(request, source, name)` for every input and return the exit code of all (see `mesh_all`)."""
     codes = []
     for source, name in zip(request.sources, folder_names(request.sources), strict=True):
         with _failures_told(_label(source), debug=request.debug) as code:
-            code.append(_mesh_one(request, source, name))
+            code.append(one(request, source, name))
         codes.append(code[-1])
     if len(codes) == 1:
         return codes[0]
@@ -109,11 +118,14 @@ def _sentence(error: BaseException) -> str:
 
 def _mesh_one(request: Request, source: str, name: str) -> int:
     label, start = _label(source), time.perf_counter()
-    with warnings.catch_warnings(record=True) as caught, _bar(name) as show:
+    with warnings.catch_warnings(record=True) as caught, bar(name) as show:
         warnings.simplefilter("always")
+        options = request.options
+        if request.layout is not None:
+            options = steered(options, request.layout, source, request.triangles)
         done = pipeline.run(
             source,
-            request.options,
+            options,
             triangles=request.triangles,
             compare=request.compare,
             store=request.store,
@@ -121,14 +133,13 @@ def _mesh_one(request: Request, source: str, name: str) -> int:
         )
         quality: Quality = done["quality"]
         with complete(request.out / name) as folder:
-            write_results(folder, done, request.options)
+            write_results(folder, done, options)
+            write_layout_file(folder, done, source, request.triangles, options)
             if request.compare:
                 write_rivals(folder / "rivals", done)
             if request.pictures:
                 write_pictures(folder, done)
-    for warning in caught:
-        if warning.category.__module__.startswith("drl_meshgen"):
-            typer.echo(f"warning: {warning.message}", err=True)
+    tell(caught)
     typer.echo(verdict(name, quality.metrics, time.perf_counter() - start))
     if request.compare:
         typer.echo(rival_table(done))
@@ -138,6 +149,13 @@ def _mesh_one(request: Request, source: str, name: str) -> int:
     if failed:
         typer.echo(f"{label}: below the quality gate: {'; '.join(failed)}", err=True)
     return BELOW_GATE if failed else FINE
+
+
+def tell(caught: Sequence[warnings.WarningMessage]) -> None:
+    """Show the warnings of this package, one line each."""
+    for warning in caught:
+        if warning.category.__module__.startswith("drl_meshgen"):
+            typer.echo(f"warning: {warning.message}", err=True)
 
 
 def verdict(name: str, metrics: Mapping[str, float], seconds: float) -> str:
@@ -173,7 +191,7 @@ def timing_table(done: Execution) -> str:
 
 
 @contextmanager
-def _bar(name: str) -> Iterator[Callable[[Step], None] | None]:
+def bar(name: str) -> Iterator[Callable[[Step], None] | None]:
     """Show a progress bar with the stage's name while standard error is a terminal."""
     console = Console(file=sys.stderr)
     if not console.is_terminal:

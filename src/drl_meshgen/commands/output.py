@@ -12,8 +12,10 @@ import numpy as np
 import pandas as pd
 
 from drl_meshgen.codecs import COMPARISON
+from drl_meshgen.commands.layout_file import layout_text
 from drl_meshgen.commands.settings import to_toml
-from drl_meshgen.export import write_block_mesh, write_surface_ply, write_table
+from drl_meshgen.decompose import Layout, describe
+from drl_meshgen.export import write_block_mesh, write_curves, write_surface, write_surface_ply, write_table
 from drl_meshgen.models import is_generated
 from drl_meshgen.partition import Partition
 from drl_meshgen.pipeline import MeshOptions
@@ -67,6 +69,26 @@ def write_results(folder: Path, done: Execution, options: MeshOptions) -> None:
     write_surface_ply(folder / "surface.ply", done["cleanup"].surface)
     write_table(folder / "quality.parquet", pd.DataFrame([done["quality"].metrics]))
     (folder / "options.toml").write_text(to_toml(options), "utf-8")
+
+
+def write_layout_file(folder: Path, done: Execution, source: str, triangles: int, options: MeshOptions) -> None:
+    """Write `layout.toml`, which can be edited and given to `mesh --layout`."""
+    description = describe(done["partition"], done["decompose"], options.decompose)
+    (folder / "layout.toml").write_text(layout_text(description, source, triangles, options), "utf-8")
+
+
+def write_layout_curves(folder: Path, done: Execution, options: MeshOptions) -> None:
+    """Write `layout.vtp`, all edges of the layout as polylines, and `layout.vtu`, the surface with its regions."""
+    parts: Partition = done["partition"]
+    layout: Layout = done["decompose"]
+    edges = describe(parts, layout, options.decompose).edges
+    cut = parts.surface.mesh
+    lines = [junction.points[path] for junction in layout.pieces.junctions for path in junction.spine.paths]
+    lines += [cut.vertices[np.r_[curve.vertices, curve.vertices[:1]]] for curve in parts.curves]
+    arrays = {key: [getattr(edge, key) for edge in edges] for key in ("name", "count", "wanted", "length")}
+    write_curves(folder / "layout.vtp", lines, {**arrays, "kind": [edge.kind.value for edge in edges]})
+    region = {"region": parts.region.astype(np.int32)}
+    write_surface(folder / "layout.vtu", cut, {"depth": parts.surface.depth}, region)
 
 
 def write_rivals(folder: Path, done: Execution) -> None:

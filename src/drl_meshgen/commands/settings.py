@@ -4,8 +4,10 @@ What `to_toml` writes, `read_settings` reads back to equal options.
 """
 
 import difflib
+import json
 import tomllib
-from dataclasses import fields, is_dataclass
+from collections.abc import Sequence
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -14,6 +16,9 @@ from drl_meshgen.errors import MeshgenError
 from drl_meshgen.pipeline import MeshOptions
 
 T = TypeVar("T")
+
+#: A table of whole numbers by name.
+NAMED = tuple[tuple[str, int], ...]
 
 
 class SettingsError(MeshgenError):
@@ -27,14 +32,55 @@ def read_settings(path: Path) -> MeshOptions:
 
     Raises `SettingsError` for a file that is not TOML, an unknown table or key and a value of another type.
     """
+    return from_tables(read_toml(path), path)
+
+
+def chosen(
+    config: Path | None,
+    counts: Sequence[str] = (),
+    target_quads: int | None = None,
+    target_edge: float | None = None,
+    seed: int | None = None,
+    *,
+    fast: bool = False,
+    remesh: bool = False,
+    strict: bool = False,
+) -> MeshOptions:
+    """Return the options of a run: defaults, a file over them, what the command line says over both.
+
+    `counts` are texts `NAME=N`, see `DecomposeOptions.fixed`. Raises `SettingsError`.
+    """
+    options = MeshOptions() if config is None else read_settings(config)
+    options = options.sized(target_quads, target_edge)
+    options = options.fast() if fast else options
+    cleanup = replace(options.cleanup, remesh=remesh or options.cleanup.remesh, strict=strict or options.cleanup.strict)
+    fixed = dict(options.decompose.fixed) | dict(_count(text) for text in counts)
+    decompose = replace(options.decompose, fixed=tuple(fixed.items()))
+    seed = options.seed if seed is None else seed
+    return replace(options, cleanup=cleanup, decompose=decompose, seed=seed)
+
+
+def _count(text: str) -> tuple[str, int]:
+    name, _, count = text.rpartition("=")
+    if not name or not count.strip().isdecimal():
+        raise SettingsError(f"--count {text} is not of the form NAME=N, with a whole number N")
+    return name.strip(), int(count)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file; raises `SettingsError` where it cannot be read or is none."""
     try:
-        data = tomllib.loads(path.read_text("utf-8"))
+        return tomllib.loads(path.read_text("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SettingsError(f"{path.name}: not a TOML file ({error})") from None
     except OSError as error:
         raise SettingsError(f"{path.name}: cannot be read ({error.strerror})") from None
+
+
+def from_tables(data: dict[str, Any], path: Path, prefix: str = "") -> MeshOptions:
+    """Return the options that the tables of a file hold, found there under `prefix`; raises `SettingsError`."""
     try:
-        return _built(MeshOptions, data, "")
+        return _built(MeshOptions, data, prefix)
     except ValueError as error:
         raise SettingsError(f"{path.name}: {error}") from None
 
@@ -59,6 +105,8 @@ def _converted(hint: Any, value: Any, key: str) -> Any:
         return _built(hint, value, f"{key}.")
     if get_origin(hint) in (Union, UnionType):
         (hint,) = (one for one in get_args(hint) if one is not NoneType)
+    if hint == NAMED and isinstance(value, dict):
+        value = [[name, count] for name, count in value.items()]
     if get_origin(hint) is tuple and isinstance(value, list):
         items = get_args(hint)
         if items[-1] is Ellipsis:
@@ -77,6 +125,8 @@ def _converted(hint: Any, value: Any, key: str) -> Any:
 def _described(hint: Any) -> str:
     if get_origin(hint) is Literal:
         return " or ".join(repr(value) for value in get_args(hint))
+    if hint == NAMED:
+        return "a table of whole numbers"
     if get_origin(hint) is tuple:
         items = get_args(hint)
         return f"a list of {_described(items[0])}" + ("" if items[-1] is Ellipsis else f", {len(items)} of them")
@@ -86,23 +136,29 @@ def _described(hint: Any) -> str:
 
 def to_toml(options: MeshOptions) -> str:
     """Return all options as the text of a TOML file; those that are None are left out."""
-    return "\n".join(_lines(options, "")).strip() + "\n"
+    return "\n".join(table_lines(options, "")).strip() + "\n"
 
 
-def _lines(options: Any, name: str) -> list[str]:
+def table_lines(options: Any, name: str) -> list[str]:
+    """Return the lines of the table called `name` for an options object, and those of the tables in it."""
+    hints = get_type_hints(type(options))
     plain, tables = [f"[{name}]"] if name else [], []
     for field in fields(options):
         value = getattr(options, field.name)
         if is_dataclass(value):
-            tables += ["", *_lines(value, f"{name}.{field.name}" if name else field.name)]
+            tables += ["", *table_lines(value, f"{name}.{field.name}" if name else field.name)]
+        elif hints[field.name] == NAMED:
+            items = ", ".join(f"{literal(key)} = {count}" for key, count in value)
+            plain.append(f"{field.name} = {{{items}}}")
         elif value is not None:
-            plain.append(f"{field.name} = {_literal(value)}")
+            plain.append(f"{field.name} = {literal(value)}")
     return plain + tables
 
 
-def _literal(value: Any) -> str:
+def literal(value: Any) -> str:
+    """Return a value as TOML writes it."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, tuple):
-        return f"[{', '.join(_literal(item) for item in value)}]"
-    return f'"{value}"' if isinstance(value, str) else repr(value)
+        return f"[{', '.join(literal(item) for item in value)}]"
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)

@@ -48,6 +48,10 @@ class CountProblem:
     """Pairs (wide, narrow): the first count exceeds the second by an even number, which a C-type transition absorbs."""
     step_cost: float = 0.0
     """Cost of each transition, in the units of `weight`."""
+    fixed: tuple[tuple[int, int], ...] = ()
+    """Pairs (count, value): counts that are given."""
+    hold: float = 0.0
+    """Cost of every deviation `|x / t - 1|` on top, so that counts leave their targets only where they must."""
 
 
 def solve_counts(problem: CountProblem, *, integral: bool = True) -> Float[np.ndarray, " n"]:
@@ -60,13 +64,18 @@ def solve_counts(problem: CountProblem, *, integral: bool = True) -> Float[np.nd
     # counts, costs, halves of even counts, columns absorbed on each side, whether any is
     size = 2 * n + n_even + 2 * n_steps
     whole = np.r_[np.ones(n), np.zeros(n), np.ones(size - 2 * n)]
+    low = np.r_[problem.least, np.zeros(size - n)]
     high = np.r_[np.full(size - n_steps, np.inf), np.ones(n_steps)]
+    for count, value in problem.fixed:
+        if value < low[count]:
+            raise StageError("decompose", CountOutcome.INFEASIBLE, f"{value} is less than {low[count]:.0f}")
+        low[count] = high[count] = value
     result = milp(
         np.r_[np.zeros(n), problem.weight, np.zeros(n_even + n_steps), np.full(n_steps, problem.step_cost)],
         integrality=whole if integral else np.zeros(size),
-        bounds=Bounds(np.r_[problem.least, np.zeros(size - n)], high),  # pyright: ignore[reportArgumentType]
+        bounds=Bounds(low, high),  # pyright: ignore[reportArgumentType]
         constraints=[_equations(problem, size), _transitions(problem, size), _tangents(problem, size)],
-        options={"mip_rel_gap": 0.02, "node_limit": NODE_LIMIT},
+        options={"mip_rel_gap": 0.0 if problem.hold else 0.02, "node_limit": NODE_LIMIT},
     )
     if result.x is None:
         raise StageError("decompose", CountOutcome.INFEASIBLE, result.message)
@@ -107,13 +116,16 @@ def _transitions(problem: CountProblem, size: int) -> LinearConstraint:
 
 
 def _tangents(problem: CountProblem, size: int) -> LinearConstraint:
-    """Keep the cost above every tangent of `m + 1 / m - 2` at `m = x / t`."""
-    n, k = len(problem.target), len(TANGENTS)
+    """Keep the cost above every tangent of `m + 1 / m - 2 + hold |m - 1|` at `m = x / t`."""
+    places = np.r_[TANGENTS, 1.0] if problem.hold else TANGENTS  # the bend at 1 has two tangents
+    bend = problem.hold * np.where(places > 1, 1.0, -1.0)
+    bend[-1] = problem.hold
+    n, k = len(problem.target), len(places)
     count = np.repeat(np.arange(n), k)
-    slope = np.tile(1 - 1 / TANGENTS**2, n) / problem.target[count]
-    at = np.tile(TANGENTS, n)
+    slope = np.tile(1 - 1 / places**2 + bend, n) / problem.target[count]
+    at = np.tile(places, n)
     row = np.arange(n * k)
     values = np.r_[np.ones(n * k), -slope]
     matrix = coo_matrix((values, (np.r_[row, row], np.r_[n + count, count])), (n * k, size))
-    low = at + 1 / at - 2 - slope * at * problem.target[count]
+    low = at + 1 / at - 2 + np.tile(bend * (places - 1), n) - slope * at * problem.target[count]
     return LinearConstraint(matrix.tocsr(), low, np.inf)  # pyright: ignore[reportArgumentType]

@@ -1,13 +1,17 @@
 """The decomposition stage: pieces with charts, node counts and rows for a wanted number of quads."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from drl_meshgen.decompose.conflicts import contradiction, numbered
 from drl_meshgen.decompose.counts import CountProblem, solve_counts
+from drl_meshgen.decompose.names import Names, name_parts
 from drl_meshgen.decompose.pieces import Cap, Pieces, pieces
+from drl_meshgen.errors import InputError, StageError
 from drl_meshgen.partition import Partition
 
 #: A tube whose height is less than this share of its girth has no room for a transition.
@@ -38,6 +42,10 @@ class DecomposeOptions:
     """Fewest quads between a spine and a loop (count)."""
     least_cap: int = 8
     """Fewest nodes around a cap (count, even)."""
+    fixed: tuple[tuple[str, int], ...] = ()
+    """Counts of named edges and rows of named rings that are given (see `layout.toml`), as a table of names."""
+    former: tuple[tuple[str, int], ...] = ()
+    """All counts and rows of a layout, as a table of names: what is not fixed stays as close to them as it can."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,15 +69,17 @@ def decompose(partition: Partition, options: DecomposeOptions | None = None) -> 
 def with_counts(partition: Partition, parts: Pieces, options: DecomposeOptions) -> Layout:
     """Find counts for `parts`.
 
-    Without `target_edge` the spacing is corrected until the relaxed counts give the wanted number of quads, then the
-    integer program is solved, and once more where rounding took it off by more than 3 %.
+    Without `target_edge` or former counts the spacing is corrected until the relaxed counts give the wanted number of
+    quads, then the integer program is solved, and once more where rounding took it off by more than 3 %.
+
+    Raises `InputError` where fixed counts contradict and `StageError` where there are no counts.
     """
-    sizing = _Sizing(partition, parts, options)
-    if options.target_edge:
-        return sizing.layout(options.target_edge)
-    spacing = float(np.sqrt(partition.surface.mesh.area / options.target_quads))
+    sizing = Sizing(partition, parts, options)
+    spacing = options.target_edge or float(np.sqrt(partition.surface.mesh.area / options.target_quads))
+    if options.target_edge or options.former:
+        return sizing.layout(spacing)
     for _ in range(6):
-        ratio = sizing.quads(solve_counts(sizing.problem(spacing), integral=False), spacing) / options.target_quads
+        ratio = sizing.quads(sizing.solved(spacing, integral=False), spacing) / options.target_quads
         spacing *= float(np.sqrt(ratio))
         if abs(ratio - 1) < 0.01:
             break
@@ -99,14 +109,14 @@ def _cap_quads(cap: Cap, n: float) -> float:
     return n**2 * (1 / 16 + 0.049 + 0.020 * depth)
 
 
-class _Sizing:
+class Sizing:
     """Targets of the count program and what follows from its solution.
 
     Counts are those of the graph edges, junction by junction, then those of the curves.
     """
 
     def __init__(self, partition: Partition, parts: Pieces, options: DecomposeOptions) -> None:
-        self.parts, self.options = parts, options
+        self.partition, self.parts, self.options = partition, parts, options
         lengths = [junction.lengths for junction in parts.junctions]
         self.start = np.cumsum([0, *(len(x) for x in lengths)])
         self.n_edges, n_curves = int(self.start[-1]), len(partition.curves)
@@ -144,8 +154,30 @@ class _Sizing:
         self.modulus = np.array([ring.chart.modulus for _, ring in rings])
         self.height = np.sqrt([ring.mesh.area for _, ring in rings] * self.modulus)
         self.least_rows = np.r_[np.full(len(cells), options.least_rows), np.ones(len(parts.tubes), np.int64)]
+        self.fixed, self.fixed_rows = self._given(options.fixed)
+        self.former, self.former_rows = self._given(options.former)
+        if options.former and len(self.former) + len(self.former_rows) < len(self.length) + len(rings):
+            raise InputError("layout", "lacks edges or rings of this surface", "write it again with the layout command")
+
+    def _given(self, given: tuple[tuple[str, int], ...]) -> tuple[tuple[tuple[int, int], ...], dict[int, int]]:
+        """Split named values into (count, value) of edges and rows by ring."""
+        if not given:
+            return (), {}
+        n = len(self.length)
+        found = numbered((*self.names.edges, *self.names.rings), given)
+        rows = {k - n: value for k, value in found if k >= n}
+        for ring, value in rows.items():
+            if value < self.least_rows[ring]:
+                raise InputError("layout", f"{self.names.rings[ring]} = {value} is less than {self.least_rows[ring]}")
+        return tuple((k, value) for k, value in found if k < n), rows
+
+    @cached_property
+    def names(self) -> Names:
+        """Names of all counts and rows."""
+        return name_parts(self.partition, self.parts)
 
     def problem(self, spacing: float) -> CountProblem:
+        """Return the count program for an edge length (model units), before former counts come in."""
         n = self.n_edges
         return CountProblem(
             np.maximum(self.length / spacing, 0.5),
@@ -156,7 +188,22 @@ class _Sizing:
             tuple(n + cap.curve for cap in self.parts.caps),
             tuple(self.steps),
             self.options.transition_cost * float(np.mean(self.weight[n:])) / spacing,
+            self.fixed,
         )
+
+    def solved(self, spacing: float, *, integral: bool = True) -> Float[np.ndarray, " n"]:
+        """Return the counts nearest to the wanted lengths or, where there are any, to the former counts.
+
+        Raises `InputError` where fixed counts contradict, `StageError` where there are none.
+        """
+        problem = self.problem(spacing)
+        if self.former:
+            former = np.array([value for _, value in sorted(self.former)], float)
+            problem = replace(problem, target=former, weight=former, hold=1.0)
+        try:
+            return solve_counts(problem, integral=integral)
+        except StageError as error:
+            raise contradiction(problem, self.names.edges) or error from None
 
     def rows(self, counts: np.ndarray, spacing: float) -> Float[np.ndarray, " r"]:
         """Rows of each ring: between those of square cells and those of the wanted spacing (geometric mean)."""
@@ -164,6 +211,7 @@ class _Sizing:
         return np.maximum(self.least_rows, np.sqrt(square * self.height / spacing))
 
     def quads(self, counts: np.ndarray, spacing: float) -> float:
+        """Return the number of quads that counts lead to, an estimate for the caps."""
         around = counts[self.n_edges :]
         caps = sum(_cap_quads(cap, float(around[cap.curve])) for cap in self.parts.caps)
         strips = sum(float(counts[mouth] * counts[side]) for mouth, side in self.strips)
@@ -174,8 +222,11 @@ class _Sizing:
         return counts[self.n_edges + self.ring_curves].mean(axis=1)
 
     def layout(self, spacing: float) -> Layout:
-        counts = solve_counts(self.problem(spacing)).astype(np.int64)
+        """Solve the counts and the rows."""
+        counts = self.solved(spacing).astype(np.int64)
         rows = np.round(self.rows(counts, spacing)).astype(np.int64)
+        for ring, value in (self.former_rows | self.fixed_rows).items():
+            rows[ring] = value
         split = np.cumsum([0, *(len(junction.cells) for junction in self.parts.junctions)])
         return Layout(
             self.parts,
