@@ -133,7 +133,9 @@ def test_every_command_of_the_flow_parses(words):
 
 
 def test_every_option_of_the_readme_exists():
-    known = {o for command in (*map(parser, ("mesh", "layout", "check")), flow()) for p in command.params for o in options(p)}
+    known = {
+        o for command in (*map(parser, ("mesh", "layout", "check")), flow()) for p in command.params for o in options(p)
+    }
     foreign = {"--type", "--all", "--pool", "--build"}  # of Prefect and Docker
     assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", README)) - known - foreign == set()
 

@@ -236,7 +236,7 @@ def test_an_edited_count_is_met_and_irregular_nodes_stay(laid, limbs, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    "edit",
     [
         ("persistence = 1.2", "persistence = 1.3", "was made with other options than it holds"),
         ("[rings.", "[ringed.", "is not a layout file"),
@@ -244,7 +244,8 @@ def test_an_edited_count_is_met_and_irregular_nodes_stay(laid, limbs, tmp_path):
         ("content = ", 'content = "0" #', "was made with other options than it holds"),
     ],
 )
-def test_a_file_that_was_edited_elsewhere_is_refused(laid, limbs, tmp_path, old, new, said):
+def test_a_file_that_was_edited_elsewhere_is_refused(laid, limbs, tmp_path, edit):
+    old, new, said = edit
     text = (laid / "layout/limbs/layout.toml").read_text("utf-8")
     result = again(laid, limbs, tmp_path, text.replace(old, new))
     assert result.exit_code == 3

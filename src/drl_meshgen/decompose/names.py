@@ -175,7 +175,7 @@ def _counted(name: str, n: int) -> tuple[str, ...]:
     return (name,) if n == 1 else tuple(f"{name}{k + 1}" for k in range(n))
 
 
-def _numbered(names: Sequence[str], sizes: Sequence[float] | np.ndarray, *, always: bool = False) -> tuple[str, ...]:
+def _numbered(names: list[str], sizes: Sequence[float] | np.ndarray, *, always: bool = False) -> tuple[str, ...]:
     """Append numbers to names that occur more than once, or to all, from the largest on; then by place."""
     out, total = list(names), Counter(names)
     met: Counter[str] = Counter()
