@@ -224,7 +224,7 @@ COMPARED_STAGES: tuple[Stage[Any, Any], ...] = (
 
 
 #: Stages with options that decide on the layout; what comes after only fills it.
-LAYOUT_STAGES = ("cleanup", "ricci", "partition", "decompose")
+LAYOUT_STAGES = ("cleanup", "seams", "ricci", "partition", "decompose")
 
 
 def run(

@@ -1,8 +1,8 @@
 """Names for what has a node count or rows, from what it is a part of: `limb3-ring1`, `junction1-limb2-limb3`.
 
-Curves that tubes join form a chain. A chain with a cap is a limb, one between junctions a link, one that ends at the
-boundary carries the name of its boundary loop. Each kind is numbered from its largest on, by area or length, so names
-do not depend on the wanted size of the mesh, nor on the place or scale of the surface.
+Curves that tubes or seams join form a chain. A chain with a cap is a limb, one between junctions a link, one that ends
+at the boundary carries the name of its boundary loop. Each kind is numbered from its largest on, by area or length, so
+names do not depend on the wanted size of the mesh, nor on the place or scale of the surface.
 """
 
 from collections import Counter
@@ -26,6 +26,7 @@ class EdgeKind(Enum):
 
     CONTOUR = "contour"
     BOUNDARY = "boundary"
+    SEAM = "seam"
     SPINE = "spine"
     SIDE = "side of a strip"
     MOUTH = "mouth of a strip"
@@ -83,7 +84,9 @@ def name_parts(partition: Partition, parts: Pieces) -> Names:
         kinds += own_kinds
         rows = [f"junction{number + 1}-{of_curve[c]}-rows" for c in junction.curves]
         cells += _numbered(rows, length[list(junction.curves)])
-    kinds += [EdgeKind.BOUNDARY if c in boundary else EdgeKind.CONTOUR for c in range(len(length))]
+    kinds += [EdgeKind.BOUNDARY if curve.is_boundary else EdgeKind.CONTOUR for curve in partition.curves]
+    for c in {c for pair in parts.seams for c in pair}:
+        kinds[c - len(length)] = EdgeKind.SEAM
     edges += [curves[c] for c in range(len(length))]
     return Names(tuple(edges), tuple(kinds), (*cells, *(tubes[t] for t in range(len(parts.tubes)))))
 
@@ -122,9 +125,10 @@ def _chains(parts: Pieces, length: Float[np.ndarray, " c"], order: Sequence[int]
     for cap in parts.caps:
         ends[cap.curve].append("~cap")  # sorts last
         area[cap.curve] += cap.mesh.area
+    links = [*(tube.curves for tube in parts.tubes), *parts.seams]
     at: list[list[int]] = [[] for _ in length]
-    for t, tube in enumerate(parts.tubes):
-        for c in tube.curves:
+    for t, pair in enumerate(links):
+        for c in pair:
             at[c].append(t)
     chains, seen = [], set()
     for start in [*(c for c in range(len(length)) if len(at[c]) < 2), *range(len(length))]:
@@ -133,11 +137,12 @@ def _chains(parts: Pieces, length: Float[np.ndarray, " c"], order: Sequence[int]
         curves, tubes = [start], []
         while ahead := [t for t in at[curves[-1]] if t not in tubes]:
             tubes.append(ahead[0])
-            one, other = parts.tubes[ahead[0]].curves
+            one, other = links[ahead[0]]
             curves.append(other if one == curves[-1] else one)
         if tubes and curves[-1] == start:
             curves.pop()
         seen.update(curves)
+        tubes = [t for t in tubes if t < len(parts.tubes)]
         first, last = (sorted(_natural(end) for end in ends[c]) for c in (curves[0], curves[-1]))
         if first > last:
             curves, tubes = curves[::-1], tubes[::-1]
