@@ -28,7 +28,8 @@ app = typer.Typer(
 Inputs = Annotated[
     list[str],
     typer.Argument(
-        metavar="INPUT", help="Names (hemisphere, giraffe, hand, random:SEED) or files (STL PLY OBJ OFF VTP VTU)."
+        metavar="INPUT",
+        help="Names (hemisphere, giraffe, hand, random:SEED) or files (STL PLY OBJ OFF VTP VTU MSH STEP).",
     ),
 ]
 Out = Annotated[Path, typer.Option(metavar="DIR", file_okay=False, help="Gets one folder per input.")]

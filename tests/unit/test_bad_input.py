@@ -95,10 +95,34 @@ def test_unknown_types_say_what_can_be_read(tmp_path):
     assert "STL" in refuses("neither a model's name nor a file type", load, tmp_path / "fish.xyz")
 
 
-@pytest.mark.parametrize("name", ["part.msh", "part.step", "PART.STP"])
-def test_msh_and_step_are_not_read_yet(tmp_path, name):
-    (tmp_path / name).touch()
-    assert "convert it to STL or PLY" in refuses("not read yet", load, tmp_path / name)
+@pytest.mark.parametrize("name", ["part.iges", "PART.IGS", "part.brep"])
+def test_other_cad_files_are_not_read_yet(tmp_path, name):
+    (tmp_path / name).write_text("x")
+    assert "convert it to STEP or STL" in refuses("not read yet", load, tmp_path / name)
+
+
+MSH = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n$EndNodes\n$Elements\n"
+STEP = "ISO-10303-21;\nHEADER;\nFILE_SCHEMA(('AUTOMOTIVE_DESIGN'));\nENDSEC;\nDATA;\n%s\nENDSEC;\nEND-ISO-10303-21;\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("part.msh", "", "empty"),
+        ("part.msh", MSH, "ends too early or is not MSH"),
+        ("part.msh", MSH + "1\n1 4 2 0 1 1 2 3 4\n$EndElements\n", "volume elements but no surface"),
+        ("part.msh", MSH + "1\n1 1 2 0 1 1 2\n$EndElements\n", "holds no surface"),
+        ("part.msh", "$MeshFormat\n9.9 7 8\n$EndMeshFormat\n$EndElements\n", "part.msh"),
+        ("part.step", "nothing", "ends too early or is not STEP"),
+        ("part.stp", STEP[:-30], "ends too early or is not STEP"),
+        ("part.step", STEP % "", "part.step"),
+        ("part.step", STEP % "#1=CARTESIAN_POINT('',(0.,0.,", "part.step"),
+    ],
+)
+def test_cad_and_gmsh_files_without_a_surface_are_refused(tmp_path, capfd, name, content, words):
+    (tmp_path / name).write_text(content)
+    refuses(words, load, tmp_path / name)
+    assert capfd.readouterr() == ("", "")
 
 
 def test_points_alone_are_no_surface(tmp_path):

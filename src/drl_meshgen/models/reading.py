@@ -9,19 +9,20 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from drl_meshgen.errors import InputError
+from drl_meshgen.models.gmsh_files import SUFFIXES, read_with_gmsh
 from drl_meshgen.models.ply import parse_ply
 from drl_meshgen.models.surface import RawSurface
 
 if TYPE_CHECKING:
     import pyvista as pv
 
-READABLE = (".stl", ".ply", ".obj", ".off", ".vtp", ".vtu")
-CONVERTIBLE = (".msh", ".step", ".stp", ".iges", ".igs")
+READABLE = (".stl", ".ply", ".obj", ".off", ".vtp", ".vtu", *SUFFIXES)
+CONVERTIBLE = (".iges", ".igs", ".brep")
 EXPORT_AGAIN = "export it again"
 
 
 def read_surface(path: Path) -> RawSurface:
-    """Read STL, PLY, OBJ, OFF, VTP or VTU; polygons are triangulated, positions kept as stored.
+    """Read STL, PLY, OBJ, OFF, VTP, VTU, MSH or STEP; polygons are triangulated, positions kept as stored.
 
     Numbers kept per point in PLY, VTP and VTU files become `point_data`.
 
@@ -30,7 +31,7 @@ def read_surface(path: Path) -> RawSurface:
     """
     name, suffix = path.name or str(path), path.suffix.lower()
     if suffix in CONVERTIBLE:
-        raise InputError(name, f"{suffix[1:].upper()} files are not read yet", "convert it to STL or PLY")
+        raise InputError(name, f"{suffix[1:].upper()} files are not read yet", "convert it to STEP or STL")
     if suffix not in READABLE:
         known = ", ".join(s[1:].upper() for s in READABLE)
         raise InputError(name, f"neither a model's name nor a file type that is read ({known})")
@@ -42,7 +43,9 @@ def read_surface(path: Path) -> RawSurface:
         raise InputError(name, f"cannot be read ({error.strerror})") from None
     if not data.strip():
         raise InputError(name, "the file is empty", EXPORT_AGAIN)
-    if suffix == ".off":
+    if suffix in SUFFIXES:
+        raw = read_with_gmsh(path, data)
+    elif suffix == ".off":
         raw = RawSurface(path.stem, *_parse_off(name, data))
     else:
         if suffix == ".stl":
