@@ -13,7 +13,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from drl_meshgen import codecs
-from drl_meshgen.assembly import assemble, fill
+from drl_meshgen.assembly import AssemblyOptions, assemble, fill
 from drl_meshgen.baselines import Comparison, RivalOptions, compare
 from drl_meshgen.cleanup import CleanupOptions, clean
 from drl_meshgen.decompose import DecomposeOptions, decompose
@@ -54,6 +54,7 @@ class MeshOptions:
     ricci: RicciOptions = field(default_factory=RicciOptions)
     partition: PartitionOptions = field(default_factory=PartitionOptions)
     decompose: DecomposeOptions = field(default_factory=DecomposeOptions)
+    assembly: AssemblyOptions = field(default_factory=AssemblyOptions)
     smoothing: SmoothingOptions = field(default_factory=SmoothingOptions)
     comparison: RivalOptions = field(default_factory=RivalOptions)
     seed: int = 0
@@ -85,6 +86,7 @@ class MeshOptions:
             "ricci": self.ricci,
             "partition": self.partition,
             "decompose": self.decompose,
+            "assembly": self.assembly,
             "smoothing": self.smoothing,
         }
 
@@ -152,9 +154,9 @@ def _subdomain(inputs: Mapping[str, Any], _options: NoOptions) -> Any:
     return fill(inputs["partition"], inputs["decompose"])
 
 
-def _assembly(inputs: Mapping[str, Any], _options: NoOptions) -> Any:
+def _assembly(inputs: Mapping[str, Any], options: AssemblyOptions) -> Any:
     """Weld the pieces by node ids and cut them into structured blocks."""
-    return assemble(inputs["decompose"], inputs["subdomain"])
+    return assemble(inputs["decompose"], inputs["subdomain"], options)
 
 
 def _lift(inputs: Mapping[str, Any], _options: NoOptions) -> LiftedMesh:
@@ -205,7 +207,7 @@ STAGES: tuple[Stage[Any, Any], ...] = (
     _stage(_partition, ("seams", "ricci"), ("drl_meshgen.partition",), codecs.PARTITION, PartitionOptions),
     _stage(_decompose, ("partition",), ("drl_meshgen.decompose",), codecs.LAYOUT, DecomposeOptions),
     _stage(_subdomain, ("partition", "decompose"), ("drl_meshgen.assembly",), codecs.SUBDOMAINS),
-    _stage(_assembly, ("decompose", "subdomain"), ("drl_meshgen.assembly",), codecs.ASSEMBLY),
+    _stage(_assembly, ("decompose", "subdomain"), ("drl_meshgen.assembly",), codecs.ASSEMBLY, AssemblyOptions),
     _stage(_lift, ("cleanup", "decompose", "assembly"), ("drl_meshgen.lift",), codecs.LIFTED),
     _stage(_smoothing, ("cleanup", "lift"), ("drl_meshgen.smoothing",), codecs.FINAL, SmoothingOptions),
     _stage(_quality, ("cleanup", "smoothing"), ("drl_meshgen.quality",), codecs.QUALITY),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drl_meshgen.assembly.blocks import Annulus, blocks
+from drl_meshgen.assembly.blocks import Annulus, along_feet, bands
 from drl_meshgen.lift.inverse import _lift
 from drl_meshgen.mesh import BlockMesh
 from drl_meshgen.mesh.topology import Topology
@@ -134,7 +134,7 @@ def test_rings_that_share_a_curve_are_stacked_into_blocks_across_it(shift):
     cell = ring(curve, 3, n, 100, feet=(1, 4, 6), is_cell=True)
     # the tube meets the curve at its last row, turned by `shift`
     tube = Annulus(np.vstack([200 + np.arange(2 * n).reshape(2, n), np.roll(curve, -shift)]), 1, 0)
-    grids = blocks([cell, tube])
+    grids = along_feet(bands([cell, tube], through=False))
     assert len(grids) == 3
     assert sorted(g.shape[0] - 1 for g in grids) == [2, 3, 3]
     assert {g.shape[1] - 1 for g in grids} == {5}
@@ -147,7 +147,7 @@ def test_rings_that_share_a_curve_are_stacked_into_blocks_across_it(shift):
 
 @pytest.mark.parametrize("feet", [(), (3,)])
 def test_a_ring_with_fewer_than_two_feet_is_cut_into_blocks_all_the_same(feet):
-    grids = blocks([ring(np.arange(9), 2, 9, 20, feet=feet)])
+    grids = along_feet(bands([ring(np.arange(9), 2, 9, 20, feet=feet)], through=False))
     assert len(grids) == (2 if feet else 4)
     assert all(len(np.unique(g)) == g.size for g in grids)
     assert sum(g.shape[0] - 1 for g in grids) == 9

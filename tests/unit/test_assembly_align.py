@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drl_meshgen.assembly.align import Columns, LoopMap, align, best_shift, loop_map
+from drl_meshgen.assembly.align import Columns, align, best_shift
 from drl_meshgen.decompose.cells import LEAST_GAP, spread
+from drl_meshgen.decompose.loops import LoopMap, loop_map
 from tests.chains import SURFACES, chain
 
 FEW = settings(max_examples=40, deadline=None, derandomize=True)

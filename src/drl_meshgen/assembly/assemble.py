@@ -5,10 +5,19 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from drl_meshgen.assembly.blocks import Annulus, blocks
+from drl_meshgen.assembly.blocks import Annulus, along_feet, along_separatrices, bands
 from drl_meshgen.assembly.subdomains import StripFill, Subdomains
 from drl_meshgen.assembly.transition import TransitionFill
 from drl_meshgen.decompose import Junction, Layout
+
+
+@dataclass(frozen=True)
+class AssemblyOptions:
+    """How the mesh is cut into blocks."""
+
+    most_blocks: int = 300
+    """Blocks are the patches of the base complex, whose interfaces are 1-to-1, where there are at most this many; else
+    bands, which are fewer and meet in T-junctions (count)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +51,9 @@ class _Nodes:
         return np.concatenate(self._piece), np.concatenate(self._chart)
 
 
-def assemble(layout: Layout, subdomains: Subdomains) -> Assembly:
+def assemble(layout: Layout, subdomains: Subdomains, options: AssemblyOptions | None = None) -> Assembly:
     """Give ids to all nodes, stack the pieces into bands and cut these into structured blocks."""
+    options = options or AssemblyOptions()
     nodes = _Nodes()
     shared = layout.pieces.shared(len(layout.curve_counts)).tolist()
     curves: list[np.ndarray] = []
@@ -90,7 +100,11 @@ def assemble(layout: Layout, subdomains: Subdomains) -> Assembly:
     for k in (*reversed(range(others)), *range(others, len(placements))):
         ids, where = placements[k]
         piece[ids], chart[ids] = k, where
-    return Assembly((*cores, *patches, *transitions, *blocks(annuli)), piece, chart)
+    whole = [*cores, *patches, *transitions]
+    grids = along_separatrices(whole, bands(annuli, through=True), len(piece))
+    if len(grids) > options.most_blocks:
+        grids = [*whole, *along_feet(bands(annuli, through=False))]
+    return Assembly(tuple(grids), piece, chart)
 
 
 def _edge_nodes(

@@ -10,8 +10,9 @@ from scipy.spatial import KDTree
 
 from drl_meshgen.assembly.align import Alignment, align
 from drl_meshgen.assembly.transition import TransitionFill, transition_fill
+from drl_meshgen.assembly.turn import turned
 from drl_meshgen.decompose import Cap, Layout
-from drl_meshgen.partition import Curve, Partition
+from drl_meshgen.partition import Partition
 from drl_meshgen.templates import Policy, RulePolicy, fill_cap
 from drl_meshgen.templates.placement import Size
 
@@ -72,11 +73,11 @@ def fill(partition: Partition, layout: Layout, policy: Policy | None = None) -> 
     Caps get the O-type template with parameters from `policy` (rule-based by default).
     """
     policy = policy or RulePolicy()
-    placed = align(partition, layout)
+    placed, corners = turned(layout, align(partition, layout))
     rings = _ring_fills(layout, placed)
     caps, rows = [], []
-    for cap in layout.pieces.caps:
-        one, row = _cap_fill(cap, partition.curves[cap.curve], partition, placed.positions[cap.curve], policy)
+    for cap, wanted in zip(layout.pieces.caps, corners, strict=True):
+        one, row = _cap_fill(cap, partition, placed.positions[cap.curve], policy, wanted)
         caps.append(one)
         rows.append({"cap": len(rows), "curve": cap.curve, **row})
     for k, one in enumerate(rings[len(rings) - len(layout.pieces.tubes) :]):
@@ -118,8 +119,9 @@ def _ruled(inner: np.ndarray, outer: np.ndarray, rows: int) -> Float[np.ndarray,
 
 
 def _cap_fill(
-    cap: Cap, curve: Curve, partition: Partition, positions: Float[np.ndarray, " n"], policy: Policy
+    cap: Cap, partition: Partition, positions: Float[np.ndarray, " n"], policy: Policy, corners: tuple[int, ...]
 ) -> tuple[CapFill, dict[str, Any]]:
+    curve = partition.curves[cap.curve]
     at, length = curve.arc_length(partition.surface.mesh.vertices)
     place = {int(v): float(s) for v, s in zip(curve.vertices, at, strict=True)}
     start, second = (place[int(v)] for v in cap.origin[cap.loop[:2]])
@@ -127,7 +129,10 @@ def _cap_fill(
     share = (positions - start) % 1.0 if forward else (start - positions) % 1.0
     order = np.argsort(share, kind="stable")
     angle = 2 * np.pi * share[order]
-    filled = fill_cap(np.c_[np.cos(angle), np.sin(angle)], policy, size=_size(cap, length / len(positions)))
+    wanted = sorted(int(np.nonzero(order == node)[0][0]) for node in corners)
+    fixed = (wanted[0], wanted[1] - wanted[0]) if wanted else None
+    size = _size(cap, length / len(positions))
+    filled = fill_cap(np.c_[np.cos(angle), np.sin(angle)], policy, size=size, corners=fixed)
     p = filled.parameters
     row = {"template": "O", "i0": p.i0, "m": p.m, "n": p.n, "layers": p.layers, "grading": p.grading}
     corners = tuple(sorted(int(c) for c in p.corners))

@@ -30,6 +30,7 @@ from drl_meshgen.codecs.files import (
 from drl_meshgen.decompose import Cap, Junction, Layout, Pieces, Tube
 from drl_meshgen.decompose.cells import Cell, Ring
 from drl_meshgen.decompose.junction import Rim
+from drl_meshgen.decompose.lines import Turning
 from drl_meshgen.decompose.spine import Spine
 from drl_meshgen.decompose.strips import Strip
 from drl_meshgen.export import read_table
@@ -46,7 +47,9 @@ def write(layout: Layout, folder: Path) -> None:
         curve=[cap.curve for cap in layout.pieces.caps],
         loop=[cap.loop for cap in layout.pieces.caps],
         share=[cap.share for cap in layout.pieces.caps],
+        corners=[[]] * len(layout.pieces.caps) if layout.turning is None else layout.turning.corners,
     )
+    write_rows(folder / "bands.parquet", shift=[] if layout.turning is None else layout.turning.shifts)
     _write_junctions(layout, folder)
     write_rows(
         folder / "curves.parquet",
@@ -168,7 +171,14 @@ def read(folder: Path) -> Layout:
         tuple(integers(counts[j]) for j in range(len(junctions))),
         integers(tube_rows),
         read_facts(folder).spacing,
+        _read_turning(folder),
     )
+
+
+def _read_turning(folder: Path) -> Turning | None:
+    shifts = read_table(folder / "bands.parquet")["shift"].tolist()
+    corners = [(int(first), int(m)) for first, m in read_table(folder / "caps.parquet")["corners"] if shifts]
+    return Turning(tuple(shifts), tuple(corners)) if shifts else None
 
 
 def _read_pieces(folder: Path, rows: list[Any]) -> tuple[list[Ring], tuple[Cap, ...], list[Strip]]:

@@ -12,7 +12,7 @@ from drl_meshgen.quality import Quality, gate, measure
 
 FINE, BELOW_GATE = 0, 4
 
-COUNTS = ("quads", "nodes", "irregular", "blocks", "named_blocks", "components", "loops", "euler")
+COUNTS = ("quads", "nodes", "irregular", "blocks", "named_blocks", "t_junctions", "components", "loops", "euler")
 DEGREES = ("min_angle", "max_angle", "warp")
 
 

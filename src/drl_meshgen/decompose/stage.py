@@ -9,8 +9,10 @@ from jaxtyping import Float, Int
 
 from drl_meshgen.decompose.conflicts import contradiction, numbered
 from drl_meshgen.decompose.counts import CountProblem, solve_counts
+from drl_meshgen.decompose.lines import Lines, Turning
 from drl_meshgen.decompose.names import Names, name_parts
 from drl_meshgen.decompose.pieces import Cap, Pieces, pieces
+from drl_meshgen.decompose.turning import turned
 from drl_meshgen.errors import InputError, StageError
 from drl_meshgen.partition import Partition
 
@@ -46,6 +48,8 @@ class DecomposeOptions:
     """Counts of named edges and rows of named rings that are given (see `layout.toml`), as a table of names."""
     former: tuple[tuple[str, int], ...] = ()
     """All counts and rows of a layout, as a table of names: what is not fixed stays as close to them as it can."""
+    block_weight: float = 1.0
+    """What a block of the base complex may cost in distorted counts and twist (in quad edges); 0 turns nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +62,8 @@ class Layout:
     cell_rows: tuple[Int[np.ndarray, " l"], ...]
     tube_rows: Int[np.ndarray, " t"]
     spacing: float
+    turning: Turning | None = None
+    """How bands and caps are turned; None leaves that to their charts."""
 
 
 def decompose(partition: Partition, options: DecomposeOptions | None = None) -> Layout:
@@ -86,6 +92,17 @@ def with_counts(partition: Partition, parts: Pieces, options: DecomposeOptions) 
     layout = sizing.layout(spacing)
     ratio = predicted_quads(layout) / options.target_quads
     return layout if abs(ratio - 1) <= 0.03 else sizing.layout(spacing * float(np.sqrt(ratio)))
+
+
+def predicted_blocks(layout: Layout) -> int:
+    """Return the number of patches of the base complex of a turned layout, without making a mesh.
+
+    Raises `InputError` for a layout that nobody turned.
+    """
+    if layout.turning is None:
+        raise InputError("layout", "no turning", "blocks follow from the charts: set decompose.block_weight above 0")
+    lines = Lines.of(layout.pieces, len(layout.curve_counts))
+    return lines.patches(np.concatenate([*layout.edge_counts, np.empty(0)]).astype(int).tolist(), layout.turning)
 
 
 def predicted_quads(layout: Layout) -> float:
@@ -222,8 +239,13 @@ class Sizing:
         return counts[self.n_edges + self.ring_curves].mean(axis=1)
 
     def layout(self, spacing: float) -> Layout:
-        """Solve the counts and the rows."""
-        counts = self.solved(spacing).astype(np.int64)
+        """Solve the counts and the rows, and turn bands and caps."""
+        counts, turning = self.solved(spacing).astype(np.int64), None
+        if self.options.block_weight > 0 and not self.options.transitions:
+            problem = self.problem(spacing)
+            if self.former:
+                problem = replace(problem, fixed=tuple(enumerate(counts.tolist())))
+            counts, turning = turned(self.partition, self.parts, problem, counts, self.options.block_weight)
         rows = np.round(self.rows(counts, spacing)).astype(np.int64)
         for ring, value in (self.former_rows | self.fixed_rows).items():
             rows[ring] = value
@@ -235,6 +257,7 @@ class Sizing:
             tuple(rows[a:b] for a, b in pairwise(split)),
             rows[split[-1] :],
             spacing,
+            turning,
         )
 
 

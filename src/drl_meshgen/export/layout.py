@@ -25,7 +25,9 @@ def block_edges(mesh: BlockMesh) -> pd.DataFrame:
 
     A side that faces several blocks gives several edges. Columns: `edge`, `nodes` (number of nodes, both ends
     included), `first`, `last` (end nodes, along the side of `block`), `block`, `side`, `across` (other block, -1 at the
-    boundary), `across_side` ("" at the boundary) and `kind` ("interface" or "boundary"). `block` is the smaller id.
+    boundary), `across_side` ("" at the boundary), `reversed` (whether the index along the side falls across where it
+    rises in `block`), `whole` (whether it is the whole side of both blocks: interfaces are 1-to-1 where all are) and
+    `kind` ("interface" or "boundary"). `block` is the smaller id.
     """
     tail, head, owner, side, rank = [], [], [], [], []
     for b, grid in enumerate(mesh.grids):
@@ -50,6 +52,10 @@ def block_edges(mesh: BlockMesh) -> pd.DataFrame:
     keep = (twin[start] < 0) | (step[start] < np.minimum.reduceat(np.where(twin < 0, len(step), twin), start))
     start, stop = start[keep], stop[keep]
     names = np.array([*SIDES, ""])
+    length = np.array([[g.shape[0] - 1, g.shape[1] - 1] * 2 for g in mesh.grids], np.int64)
+    mine, theirs = length[owner[start], side[start]], length[across[start], across_side[start]]
+    inner = across[start] >= 0
+    whole = (stop - start == mine) & (~inner | (stop - start == theirs))
     return pd.DataFrame(
         {
             "edge": np.arange(len(start)),
@@ -60,7 +66,9 @@ def block_edges(mesh: BlockMesh) -> pd.DataFrame:
             "side": names[side[start]],
             "across": across[start],
             "across_side": names[across_side[start]],
-            "kind": np.where(across[start] < 0, "boundary", "interface"),
+            "reversed": inner & ((side[start] < 2) == (across_side[start] < 2)),  # south and east run with their index
+            "whole": whole,
+            "kind": np.where(inner, "interface", "boundary"),
         }
     )
 

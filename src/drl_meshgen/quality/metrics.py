@@ -12,7 +12,7 @@ from drl_meshgen.quality.deviation import boundary_mse, deviation
 from drl_meshgen.quality.mixed import MixedTopology, Outline
 from drl_meshgen.quality.normals import pseudo_normals
 from drl_meshgen.quality.shape import QuadShape, own_normals
-from drl_meshgen.quality.structure import boundary_loops, structural_defects, topology_defects
+from drl_meshgen.quality.structure import boundary_loops, structural_defects, t_junctions, topology_defects
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +99,7 @@ def measure(
         "irregular": (outline.used & ~outline.on_boundary & (outline.valence != 4)).sum(),
         "blocks": base_complex(mesh).max() + 1 if manifold and not extra else np.nan,
         "named_blocks": np.nan if block is None else len(np.unique(block)),
+        "t_junctions": np.nan if block is None or not manifold or extra else len(t_junctions(mesh, block)),
         "validity": shape.valid.mean(),
         "min_angle": shape.min_angle.min(),
         "max_angle": shape.max_angle.max(),

@@ -58,6 +58,18 @@ def unstructured_blocks(mesh: QuadMesh, block: Int[np.ndarray, " m"]) -> Int[np.
     return ids[~(grid & (per_block(owner[t.on_boundary & (faces_at == 1)]) == 4))]
 
 
+def t_junctions(mesh: QuadMesh, block: Int[np.ndarray, " m"]) -> Int[np.ndarray, " k"]:
+    """Return the nodes where a corner of a block lies inside a side of another. Manifold, oriented meshes only.
+
+    At an interior node of valence 4 that is where three of its edges lie between blocks. With none, every side of a
+    block is a whole side of exactly one other block or on the boundary.
+    """
+    t = mesh.topology
+    pair = np.where(t.edge_count[:, None] == 2, block[t.edge_faces], -1)
+    between = np.bincount(t.edges[pair[:, 0] != pair[:, 1]].ravel(), minlength=t.n_vertices)
+    return np.nonzero(t.used & ~t.on_boundary & (t.valence == 4) & (between == 3))[0]
+
+
 def topology_defects(outline: Outline, surface: TriMesh) -> tuple[str, ...]:
     """Return how components, boundary loops and Euler characteristic differ from those of the surface."""
     s = surface.topology

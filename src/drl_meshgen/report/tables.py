@@ -46,6 +46,7 @@ COLUMNS = (
     Column("irregular", "Irregular nodes", 0, "low", note="interior nodes with other than 4 edges"),
     Column("blocks", "Base-complex patches", 0, "low", note="patches when every separatrix runs to its end"),
     Column("named_blocks", "Blocks", 0, "low", note="named i × j blocks"),
+    Column("t_junctions", "T-junctions", 0, "low", note="corners of a block inside a side of another"),
     Column("validity", "Validity", 2, "high", "%", "share of quads with four positive Jacobians"),
     Column("min_angle", "Minimum angle", 2, "high", "°"),
     Column("max_angle", "Maximum angle", 2, "low", "°"),

@@ -31,18 +31,23 @@ class FilledPatch(TemplateMesh):
 
 
 def fill_cap(
-    boundary: Float[np.ndarray, "l 2"], policy: Policy | None = None, k: int | None = None, size: Size | None = None
+    boundary: Float[np.ndarray, "l 2"],
+    policy: Policy | None = None,
+    k: int | None = None,
+    size: Size | None = None,
+    corners: tuple[int, int] | None = None,
 ) -> FilledCap:
     """Return an O-type mesh of the polygon `boundary`, whose nodes are its first L points unchanged.
 
-    `policy` chooses the parameters (`RulePolicy()` if None), `k` fixes the number of layers, `size(points)` is the
+    `policy` chooses the parameters (`RulePolicy()` if None), `k` fixes the number of layers, `corners` the first
+    corner and the cells to the second, `(i0, m)`, `size(points)` is the
     wanted edge length at points of the plane (for the disk image of a surface: length on the surface divided by the
     local stretch); if None the boundary spacing is continued inwards. Folded cells are unfolded by moving interior
     nodes; `outcome` tells. Raises `InputError` for a boundary that is not simple and anti-clockwise with an even
     number of at least 8 nodes.
     """
     domain = Domain(boundary)
-    parameters = (policy or RulePolicy()).choose(domain, layers=k, size=size)
+    parameters = (policy or RulePolicy()).choose(domain, layers=k, size=size, corners=corners)
     mesh = instantiate(domain, parameters)
     mesh, outcome = untangle(mesh, len(domain), (size or boundary_size(domain))(mesh.points))
     return FilledCap(mesh.points, mesh.grids, parameters, outcome)

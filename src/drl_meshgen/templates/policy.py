@@ -18,8 +18,18 @@ from drl_meshgen.templates.sketch import Sketch
 class Policy(Protocol):
     """Chooses the parameters of an O-type mesh: a rule, an optimiser or a learned agent."""
 
-    def choose(self, domain: Domain, *, layers: int | None = None, size: Size | None = None) -> OParameters:
-        """Return parameters for `domain`; `layers` fixes k; `size` is the wanted edge length at points of the plane."""
+    def choose(
+        self,
+        domain: Domain,
+        *,
+        layers: int | None = None,
+        size: Size | None = None,
+        corners: tuple[int, int] | None = None,
+    ) -> OParameters:
+        """Return parameters for `domain`; `size` is the wanted edge length at points of the plane.
+
+        `layers` fixes k, `corners` fixes `(i0, m)`.
+        """
         ...
 
 
@@ -44,14 +54,21 @@ class RulePolicy:
     placement: PlacementOptions = field(default_factory=PlacementOptions)
     """Options of the descent."""
 
-    def choose(self, domain: Domain, *, layers: int | None = None, size: Size | None = None) -> OParameters:
+    def choose(
+        self,
+        domain: Domain,
+        *,
+        layers: int | None = None,
+        size: Size | None = None,
+        corners: tuple[int, int] | None = None,
+    ) -> OParameters:
         """Return the best parameters found; raises `InputError` for an odd number of boundary nodes."""
         if len(domain) % 2:
             raise InputError("O-type template", f"boundary has an odd number of nodes ({len(domain)})", "make it even")
         frame = domain.frame
         local = Domain(frame.to_local(domain.nodes))
         wanted = boundary_size(local) if size is None else lambda p: size(frame.to_world(p)) / frame.scale
-        choices = self._finalists(local, wanted)
+        choices = [corners] if corners else self._finalists(local, wanted)
         sketches = [Sketch.of(local, i0, m, self.divisions, 3) for i0, m in choices]
         start = start_of(sketches[0], wanted, layers, self.placement)
         placed = [(place(sketch, wanted, layers, self.placement, start), sketch) for sketch in sketches]
