@@ -34,6 +34,7 @@ from tasks import (
     quality,
     ricci,
     seams,
+    sizing,
     smoothing,
     subdomain,
 )
@@ -45,6 +46,7 @@ TASKS = {
     "seams": seams.seams,
     "ricci": ricci.ricci,
     "partition": partition.partition,
+    "sizing": sizing.sizing,
     "decompose": decompose.decompose,
     "subdomain": subdomain.subdomain,
     "assembly": assembly.assembly,

@@ -15,8 +15,8 @@ from threadpoolctl import threadpool_limits
 from drl_meshgen import codecs
 from drl_meshgen.assembly import AssemblyOptions, assemble, fill
 from drl_meshgen.baselines import Comparison, RivalOptions, compare
-from drl_meshgen.cleanup import CleanupOptions, clean
-from drl_meshgen.decompose import DecomposeOptions, decompose
+from drl_meshgen.cleanup import CleanupOptions, CleanupResult, clean
+from drl_meshgen.decompose import DecomposeOptions, Layout, decompose
 from drl_meshgen.lift.inverse import LiftedMesh, inverse_map
 from drl_meshgen.mesh import BlockMesh, TriMesh
 from drl_meshgen.models import RawSurface, existing_file, is_generated, load
@@ -24,6 +24,7 @@ from drl_meshgen.partition import PartitionOptions, partition
 from drl_meshgen.quality import Quality, measure
 from drl_meshgen.ricci import RicciOptions, solve
 from drl_meshgen.seams import OpenedSurface, SeamOptions, open_surface
+from drl_meshgen.sizing import SizeOptions, size_field
 from drl_meshgen.smoothing import SmoothingOptions, optimise
 from drl_meshgen.smoothing.final import FinalMesh
 from drl_meshgen.store import Execution, Progress, Stage, Store, execute
@@ -53,6 +54,7 @@ class MeshOptions:
     seams: SeamOptions = field(default_factory=SeamOptions)
     ricci: RicciOptions = field(default_factory=RicciOptions)
     partition: PartitionOptions = field(default_factory=PartitionOptions)
+    sizing: SizeOptions = field(default_factory=SizeOptions)
     decompose: DecomposeOptions = field(default_factory=DecomposeOptions)
     assembly: AssemblyOptions = field(default_factory=AssemblyOptions)
     smoothing: SmoothingOptions = field(default_factory=SmoothingOptions)
@@ -85,6 +87,7 @@ class MeshOptions:
             "seams": self.seams,
             "ricci": self.ricci,
             "partition": self.partition,
+            "sizing": self.sizing,
             "decompose": self.decompose,
             "assembly": self.assembly,
             "smoothing": self.smoothing,
@@ -144,14 +147,21 @@ def _partition(inputs: Mapping[str, Any], options: PartitionOptions) -> Any:
     return partition(opened.mesh, inputs["ricci"].u, options, opened.seams)
 
 
+def _sizing(inputs: Mapping[str, Any], options: SizeOptions) -> Any:
+    """Say how large quads should be where, relative to the global spacing or by the user's word."""
+    cleaned: CleanupResult = inputs["cleanup"]
+    return size_field(cleaned.surface, options, cleaned.point_data.get("size"))
+
+
 def _decompose(inputs: Mapping[str, Any], options: DecomposeOptions) -> Any:
     """Open junctions along their spines, chart every piece and solve the node counts."""
-    return decompose(inputs["partition"], options)
+    return decompose(inputs["partition"], options, inputs["sizing"])
 
 
 def _subdomain(inputs: Mapping[str, Any], _options: NoOptions) -> Any:
     """Place the nodes of every piece in its chart; caps by the O-type template."""
-    return fill(inputs["partition"], inputs["decompose"])
+    layout: Layout = inputs["decompose"]
+    return fill(inputs["partition"], layout, sizes=inputs["sizing"].at(layout.spacing))
 
 
 def _assembly(inputs: Mapping[str, Any], options: AssemblyOptions) -> Any:
@@ -167,7 +177,9 @@ def _lift(inputs: Mapping[str, Any], _options: NoOptions) -> LiftedMesh:
 def _smoothing(inputs: Mapping[str, Any], options: SmoothingOptions) -> FinalMesh:
     """Optimise node positions on the surface."""
     lifted: LiftedMesh = inputs["lift"]
-    result = optimise(inputs["cleanup"].surface, lifted.mesh.mesh, lifted.triangle, options)
+    sizes = inputs["sizing"].at(inputs["decompose"].spacing)
+    wanted = None if sizes.uniform else sizes.size
+    result = optimise(inputs["cleanup"].surface, lifted.mesh.mesh, lifted.triangle, options, sizes=wanted)
     return FinalMesh(lifted.mesh.moved(result.points), result)
 
 
@@ -205,11 +217,18 @@ STAGES: tuple[Stage[Any, Any], ...] = (
     _stage(_seams, ("cleanup",), ("drl_meshgen.seams",), codecs.SEAMS, SeamOptions),
     _stage(_ricci, ("seams",), ("drl_meshgen.ricci",), codecs.RICCI, RicciOptions),
     _stage(_partition, ("seams", "ricci"), ("drl_meshgen.partition",), codecs.PARTITION, PartitionOptions),
-    _stage(_decompose, ("partition",), ("drl_meshgen.decompose",), codecs.LAYOUT, DecomposeOptions),
-    _stage(_subdomain, ("partition", "decompose"), ("drl_meshgen.assembly",), codecs.SUBDOMAINS),
+    _stage(_sizing, ("cleanup",), ("drl_meshgen.sizing",), codecs.SIZING, SizeOptions),
+    _stage(_decompose, ("partition", "sizing"), ("drl_meshgen.decompose",), codecs.LAYOUT, DecomposeOptions),
+    _stage(_subdomain, ("partition", "sizing", "decompose"), ("drl_meshgen.assembly",), codecs.SUBDOMAINS),
     _stage(_assembly, ("decompose", "subdomain"), ("drl_meshgen.assembly",), codecs.ASSEMBLY, AssemblyOptions),
     _stage(_lift, ("cleanup", "decompose", "assembly"), ("drl_meshgen.lift",), codecs.LIFTED),
-    _stage(_smoothing, ("cleanup", "lift"), ("drl_meshgen.smoothing",), codecs.FINAL, SmoothingOptions),
+    _stage(
+        _smoothing,
+        ("cleanup", "sizing", "decompose", "lift"),
+        ("drl_meshgen.smoothing",),
+        codecs.FINAL,
+        SmoothingOptions,
+    ),
     _stage(_quality, ("cleanup", "smoothing"), ("drl_meshgen.quality",), codecs.QUALITY),
 )
 COMPARED_STAGES: tuple[Stage[Any, Any], ...] = (
@@ -226,7 +245,7 @@ COMPARED_STAGES: tuple[Stage[Any, Any], ...] = (
 
 
 #: Stages with options that decide on the layout; what comes after only fills it.
-LAYOUT_STAGES = ("cleanup", "seams", "ricci", "partition", "decompose")
+LAYOUT_STAGES = ("cleanup", "seams", "ricci", "partition", "sizing", "decompose")
 
 
 def run(

@@ -12,6 +12,7 @@ from drl_meshgen.codecs.partition import PARTITION
 from drl_meshgen.codecs.quality import QUALITY
 from drl_meshgen.codecs.ricci import RICCI
 from drl_meshgen.codecs.seams import SEAMS
+from drl_meshgen.codecs.sizing import SIZING
 from drl_meshgen.codecs.subdomains import SUBDOMAINS
 
 __all__ = [
@@ -26,6 +27,7 @@ __all__ = [
     "QUALITY",
     "RICCI",
     "SEAMS",
+    "SIZING",
     "SUBDOMAINS",
     "Codec",
 ]

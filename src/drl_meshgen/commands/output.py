@@ -14,7 +14,7 @@ import pandas as pd
 from drl_meshgen.codecs import COMPARISON
 from drl_meshgen.commands.layout_file import layout_text
 from drl_meshgen.commands.settings import to_toml
-from drl_meshgen.decompose import Layout, describe
+from drl_meshgen.decompose import Description, Layout, describe
 from drl_meshgen.export import write_block_mesh, write_curves, write_surface, write_surface_ply, write_table
 from drl_meshgen.models import is_generated
 from drl_meshgen.partition import Partition
@@ -73,15 +73,19 @@ def write_results(folder: Path, done: Execution, options: MeshOptions) -> None:
 
 def write_layout_file(folder: Path, done: Execution, source: str, triangles: int, options: MeshOptions) -> None:
     """Write `layout.toml`, which can be edited and given to `mesh --layout`."""
-    description = describe(done["partition"], done["decompose"], options.decompose)
-    (folder / "layout.toml").write_text(layout_text(description, source, triangles, options), "utf-8")
+    (folder / "layout.toml").write_text(layout_text(_description(done, options), source, triangles, options), "utf-8")
+
+
+def _description(done: Execution, options: MeshOptions) -> Description:
+    layout: Layout = done["decompose"]
+    return describe(done["partition"], layout, options.decompose, done["sizing"].at(layout.spacing))
 
 
 def write_layout_curves(folder: Path, done: Execution, options: MeshOptions) -> None:
     """Write `layout.vtp`, all edges of the layout as polylines, and `layout.vtu`, the surface with its regions."""
     parts: Partition = done["partition"]
     layout: Layout = done["decompose"]
-    edges = describe(parts, layout, options.decompose).edges
+    edges = _description(done, options).edges
     cut = parts.surface.mesh
     lines = [junction.points[path] for junction in layout.pieces.junctions for path in junction.spine.paths]
     lines += [cut.vertices[np.r_[curve.vertices, curve.vertices[:1]]] for curve in parts.curves]

@@ -9,6 +9,7 @@ import numpy as np
 from drl_meshgen.decompose.names import EdgeKind
 from drl_meshgen.decompose.stage import DecomposeOptions, Layout, Sizing
 from drl_meshgen.partition import Partition
+from drl_meshgen.sizing import Sizes
 
 
 @dataclass(frozen=True)
@@ -48,15 +49,18 @@ class Description:
     """Edge length that the counts were solved for (model units)."""
 
 
-def describe(partition: Partition, layout: Layout, options: DecomposeOptions) -> Description:
-    """Name everything in a layout that has a count or rows."""
-    sizing = Sizing(partition, layout.pieces, options)
+def describe(
+    partition: Partition, layout: Layout, options: DecomposeOptions, sizes: Sizes | None = None
+) -> Description:
+    """Name everything in a layout that has a count or rows; `sizes` are the wanted ones (uniform if None)."""
+    sizes = sizes or Sizes.of(partition.surface.mesh, layout.spacing)
+    sizing = Sizing(partition, layout.pieces, options, sizes, layout.spacing)
     names, n = sizing.names, sizing.n_edges
     counts = np.concatenate([*layout.edge_counts, layout.curve_counts])
     points = partition.surface.mesh.vertices
     own = [length for junction in layout.pieces.junctions for length in junction.lengths.tolist()]
     own += [curve.arc_length(points)[1] for curve in partition.curves]
-    wanted = sizing.problem(layout.spacing).target
+    wanted = sizing.problem().target
     links = _links(sizing, names.edges)
     edges = tuple(
         NamedEdge(name, kind, int(counts[k]), float(wanted[k]), own[k], tuple(links[k]))

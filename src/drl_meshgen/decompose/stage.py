@@ -15,9 +15,13 @@ from drl_meshgen.decompose.pieces import Cap, Pieces, pieces
 from drl_meshgen.decompose.turning import turned
 from drl_meshgen.errors import InputError, StageError
 from drl_meshgen.partition import Partition
+from drl_meshgen.sizing import SizeField, Sizes
 
 #: A tube whose height is less than this share of its girth has no room for a transition.
 LEAST_MODULUS = 0.5
+
+#: Most corrections of the spacing; where some sizes are given, each corrects only the rest.
+MOST_CORRECTIONS = 10
 
 
 @dataclass(frozen=True)
@@ -66,32 +70,46 @@ class Layout:
     """How bands and caps are turned; None leaves that to their charts."""
 
 
-def decompose(partition: Partition, options: DecomposeOptions | None = None) -> Layout:
-    """Open every junction along its spine and find node counts. Raises `StageError` (see `pieces`, `solve_counts`)."""
+def decompose(partition: Partition, options: DecomposeOptions | None = None, field: SizeField | None = None) -> Layout:
+    """Open every junction along its spine and find node counts for sizes that follow `field` (uniform if None).
+
+    Raises `StageError` (see `pieces`, `solve_counts`).
+    """
     options = options or DecomposeOptions()
-    return with_counts(partition, pieces(partition, options.exponents, strips=options.strips), options)
+    return with_counts(partition, pieces(partition, options.exponents, strips=options.strips), options, field)
 
 
-def with_counts(partition: Partition, parts: Pieces, options: DecomposeOptions) -> Layout:
-    """Find counts for `parts`.
+def with_counts(
+    partition: Partition, parts: Pieces, options: DecomposeOptions, field: SizeField | None = None
+) -> Layout:
+    """Find counts for `parts`, all lengths and areas being measured in wanted sizes.
 
     Without `target_edge` or former counts the spacing is corrected until the relaxed counts give the wanted number of
-    quads, then the integer program is solved, and once more where rounding took it off by more than 3 %.
+    quads, then the integer program is solved, and once more where rounding took it off by more than 3 %. Where the
+    field says everywhere how long edges are, there is nothing to correct.
 
     Raises `InputError` where fixed counts contradict and `StageError` where there are no counts.
     """
-    sizing = Sizing(partition, parts, options)
-    spacing = options.target_edge or float(np.sqrt(partition.surface.mesh.area / options.target_quads))
-    if options.target_edge or options.former:
-        return sizing.layout(spacing)
-    for _ in range(6):
-        ratio = sizing.quads(sizing.solved(spacing, integral=False), spacing) / options.target_quads
+    surface = partition.surface.mesh
+    field = field or SizeField.uniform(surface)
+
+    def sizing(spacing: float) -> Sizing:
+        return Sizing(partition, parts, options, field.at(spacing), spacing)
+
+    spacing = options.target_edge or float(np.sqrt(surface.area / options.target_quads))
+    if field.fixed:
+        spacing = float(np.sqrt(surface.area / field.at(spacing).area(surface)))
+    if field.fixed or options.target_edge or options.former:
+        return sizing(spacing).layout()
+    for _ in range(MOST_CORRECTIONS):
+        one = sizing(spacing)
+        ratio = one.quads(one.solved(integral=False)) / options.target_quads
         spacing *= float(np.sqrt(ratio))
         if abs(ratio - 1) < 0.01:
             break
-    layout = sizing.layout(spacing)
-    ratio = predicted_quads(layout) / options.target_quads
-    return layout if abs(ratio - 1) <= 0.03 else sizing.layout(spacing * float(np.sqrt(ratio)))
+    layout = sizing(spacing).layout()
+    ratio = predicted_quads(layout, field.at(spacing)) / options.target_quads
+    return layout if abs(ratio - 1) <= 0.03 else sizing(spacing * float(np.sqrt(ratio))).layout()
 
 
 def predicted_blocks(layout: Layout) -> int:
@@ -105,7 +123,7 @@ def predicted_blocks(layout: Layout) -> int:
     return lines.patches(np.concatenate([*layout.edge_counts, np.empty(0)]).astype(int).tolist(), layout.turning)
 
 
-def predicted_quads(layout: Layout) -> float:
+def predicted_quads(layout: Layout, sizes: Sizes | None = None) -> float:
     """Quads of cells, strips and tubes, and an estimate for the caps."""
     total = 0.0
     for junction, counts, rows in zip(layout.pieces.junctions, layout.edge_counts, layout.cell_rows, strict=True):
@@ -113,31 +131,38 @@ def predicted_quads(layout: Layout) -> float:
         total += float(sum(counts[strip.sides[0]] * counts[strip.sides[1]] for strip in junction.strips))
     for tube, rows in zip(layout.pieces.tubes, layout.tube_rows, strict=True):
         total += float(layout.curve_counts[list(tube.curves)].mean() * rows)
-    return total + sum(_cap_quads(cap, float(layout.curve_counts[cap.curve])) for cap in layout.pieces.caps)
+    return total + sum(
+        _cap_share(cap, sizes) * float(layout.curve_counts[cap.curve]) ** 2 for cap in layout.pieces.caps
+    )
 
 
-def _cap_quads(cap: Cap, n: float) -> float:
-    """Quads of the O-type template: a core of (n / 4)^2 and layers whose number grows with the area over the flat disk.
+def _cap_share(cap: Cap, sizes: Sizes | None) -> float:
+    """Quads of the O-type template over n^2: a core of (n / 4)^2, layers by the area over that of the flat disk.
 
     The line through what a flat disk and a hemisphere take.
     """
-    length = float(np.linalg.norm(np.diff(cap.mesh.vertices[np.r_[cap.loop, cap.loop[0]]], axis=0), axis=1).sum())
-    depth = 4 * np.pi * cap.mesh.area / length**2
-    return n**2 * (1 / 16 + 0.049 + 0.020 * depth)
+    sizes = sizes or Sizes.of(cap.mesh, 1.0)
+    depth = 4 * np.pi * sizes.area(cap.mesh) / sizes.length(cap.mesh.vertices[np.r_[cap.loop, cap.loop[0]]]) ** 2
+    return 1 / 16 + 0.049 + 0.020 * depth
 
 
 class Sizing:
-    """Targets of the count program and what follows from its solution.
+    """Targets of the count program and what follows from its solution, for `sizes` at one `spacing`.
 
-    Counts are those of the graph edges, junction by junction, then those of the curves.
+    Counts are those of the graph edges, junction by junction, then those of the curves. Lengths are measured in sizes.
     """
 
-    def __init__(self, partition: Partition, parts: Pieces, options: DecomposeOptions) -> None:
-        self.partition, self.parts, self.options = partition, parts, options
-        lengths = [junction.lengths for junction in parts.junctions]
+    def __init__(
+        self, partition: Partition, parts: Pieces, options: DecomposeOptions, sizes: Sizes, spacing: float
+    ) -> None:
+        self.partition, self.parts, self.options, self.spacing = partition, parts, options, spacing
+        lengths = [
+            np.array([sizes.length(junction.points[path]) for path in junction.spine.paths])
+            for junction in parts.junctions
+        ]
         self.start = np.cumsum([0, *(len(x) for x in lengths)])
         self.n_edges, n_curves = int(self.start[-1]), len(partition.curves)
-        girth, weight = _girths(partition, parts)
+        girth, weight = _girths(partition, parts, sizes)
         self.length = np.r_[np.concatenate([*lengths, np.empty(0)]), girth]
         self.weight = np.r_[options.spine_weight * self.length[: self.n_edges], weight]
         self.least = np.r_[np.full(self.n_edges, options.least_columns), np.full(n_curves, 4)]
@@ -169,7 +194,8 @@ class Sizing:
         rings = [*(((c, c), ring) for c, ring in cells), *((tube.curves, tube.ring) for tube in parts.tubes)]
         self.ring_curves = np.array([c for c, _ in rings], np.int64).reshape(-1, 2)
         self.modulus = np.array([ring.chart.modulus for _, ring in rings])
-        self.height = np.sqrt([ring.mesh.area for _, ring in rings] * self.modulus)
+        self.height = np.sqrt([sizes.area(ring.mesh) for _, ring in rings] * self.modulus)
+        self.cap_shares = [_cap_share(cap, sizes) for cap in parts.caps]
         self.least_rows = np.r_[np.full(len(cells), options.least_rows), np.ones(len(parts.tubes), np.int64)]
         self.fixed, self.fixed_rows = self._given(options.fixed)
         self.former, self.former_rows = self._given(options.former)
@@ -193,27 +219,27 @@ class Sizing:
         """Names of all counts and rows."""
         return name_parts(self.partition, self.parts)
 
-    def problem(self, spacing: float) -> CountProblem:
-        """Return the count program for an edge length (model units), before former counts come in."""
+    def problem(self) -> CountProblem:
+        """Return the count program before former counts come in."""
         n = self.n_edges
         return CountProblem(
-            np.maximum(self.length / spacing, 0.5),
-            self.weight / spacing,
+            np.maximum(self.length, 0.5),
+            self.weight,
             self.least,
             tuple(self.sums),
             tuple(self.equal),
             tuple(n + cap.curve for cap in self.parts.caps),
             tuple(self.steps),
-            self.options.transition_cost * float(np.mean(self.weight[n:])) / spacing,
+            self.options.transition_cost * float(np.mean(self.weight[n:])),
             self.fixed,
         )
 
-    def solved(self, spacing: float, *, integral: bool = True) -> Float[np.ndarray, " n"]:
+    def solved(self, *, integral: bool = True) -> Float[np.ndarray, " n"]:
         """Return the counts nearest to the wanted lengths or, where there are any, to the former counts.
 
         Raises `InputError` where fixed counts contradict, `StageError` where there are none.
         """
-        problem = self.problem(spacing)
+        problem = self.problem()
         if self.former:
             former = np.array([value for _, value in sorted(self.former)], float)
             problem = replace(problem, target=former, weight=former, hold=1.0)
@@ -222,31 +248,31 @@ class Sizing:
         except StageError as error:
             raise contradiction(problem, self.names.edges) or error from None
 
-    def rows(self, counts: np.ndarray, spacing: float) -> Float[np.ndarray, " r"]:
+    def rows(self, counts: np.ndarray) -> Float[np.ndarray, " r"]:
         """Rows of each ring: between those of square cells and those of the wanted spacing (geometric mean)."""
         square = self._around(counts) * self.modulus
-        return np.maximum(self.least_rows, np.sqrt(square * self.height / spacing))
+        return np.maximum(self.least_rows, np.sqrt(square * self.height))
 
-    def quads(self, counts: np.ndarray, spacing: float) -> float:
+    def quads(self, counts: np.ndarray) -> float:
         """Return the number of quads that counts lead to, an estimate for the caps."""
         around = counts[self.n_edges :]
-        caps = sum(_cap_quads(cap, float(around[cap.curve])) for cap in self.parts.caps)
+        caps = sum(s * float(around[cap.curve]) ** 2 for cap, s in zip(self.parts.caps, self.cap_shares, strict=True))
         strips = sum(float(counts[mouth] * counts[side]) for mouth, side in self.strips)
-        return float((self._around(counts) * self.rows(counts, spacing)).sum()) + strips + caps
+        return float((self._around(counts) * self.rows(counts)).sum()) + strips + caps
 
     def _around(self, counts: np.ndarray) -> Float[np.ndarray, " r"]:
         """Mean number of columns of each ring."""
         return counts[self.n_edges + self.ring_curves].mean(axis=1)
 
-    def layout(self, spacing: float) -> Layout:
+    def layout(self) -> Layout:
         """Solve the counts and the rows, and turn bands and caps."""
-        counts, turning = self.solved(spacing).astype(np.int64), None
+        counts, turning = self.solved().astype(np.int64), None
         if self.options.block_weight > 0 and not self.options.transitions:
-            problem = self.problem(spacing)
+            problem = self.problem()
             if self.former:
                 problem = replace(problem, fixed=tuple(enumerate(counts.tolist())))
             counts, turning = turned(self.partition, self.parts, problem, counts, self.options.block_weight)
-        rows = np.round(self.rows(counts, spacing)).astype(np.int64)
+        rows = np.round(self.rows(counts)).astype(np.int64)
         for ring, value in (self.former_rows | self.fixed_rows).items():
             rows[ring] = value
         split = np.cumsum([0, *(len(junction.cells) for junction in self.parts.junctions)])
@@ -256,18 +282,18 @@ class Sizing:
             counts[self.n_edges :],
             tuple(rows[a:b] for a, b in pairwise(split)),
             rows[split[-1] :],
-            spacing,
+            self.spacing,
             turning,
         )
 
 
-def _girths(partition: Partition, parts: Pieces) -> tuple[np.ndarray, np.ndarray]:
-    """Wanted length of each curve's nodes: its own, and the mean girth of the tubes at it, weighted by area."""
+def _girths(partition: Partition, parts: Pieces, sizes: Sizes) -> tuple[np.ndarray, np.ndarray]:
+    """Wanted nodes of each curve: those on its own length and on the mean girth of the tubes at it, by area."""
     points = partition.surface.mesh.vertices
-    own = np.array([curve.arc_length(points)[1] for curve in partition.curves])
+    own = np.array([sizes.length(points[np.r_[c.vertices, c.vertices[0]]]) for c in partition.curves])
     weighted, weight = own * own, own.copy()
     for tube in parts.tubes:
-        area = tube.ring.mesh.area
+        area = sizes.area(tube.ring.mesh)
         girth = np.sqrt(area / tube.ring.chart.modulus)
         for c in tube.curves:
             weighted[c] += area

@@ -104,6 +104,8 @@ class Residuals:
     """Deviation of the corner angles (4), log of side ratio (1), dihedral angles (2), log area (1) of each quad."""
     jump: Float[np.ndarray, " e"]
     """Difference of the log areas across each inner edge."""
+    wish: Float[np.ndarray, " m"]
+    """Log of the wanted area of each quad, up to a constant."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +142,7 @@ class QuadEnergy:
         options: SmoothingOptions,
         chosen: Int[np.ndarray, " m"] | None = None,
         ideal: Float[np.ndarray, "4 k"] | None = None,
+        sizes: Float[np.ndarray, "f 3"] | None = None,
     ) -> None:
         everything = mesh.quads
         ideal = ideal_angles(mesh) if ideal is None else ideal
@@ -156,6 +159,8 @@ class QuadEnergy:
         self.quads = np.ascontiguousarray(quads.reshape(-1, 4).T)
         self.ideal = np.ascontiguousarray(ideal[:, chosen])
         self.pairs = np.ascontiguousarray(pairs.T)
+        self.sizes = sizes
+        self.size_weight = 0.0 if sizes is None else options.size_weight
         self.hinge = 0.0
 
     @property
@@ -194,7 +199,20 @@ class QuadEnergy:
             sine = dot(cross(first, second), axis) / np.sqrt(np.maximum(dot(axis, axis), TINY))
             rows[5 + k] = np.arctan2(sine, dot(first, second))
         rows[7] = np.log(np.maximum(shape.area, AREA_FLOOR * np.abs(shape.area).mean() + TINY))
-        return Residuals(shape, rows, rows[7, self.pairs[0]] - rows[7, self.pairs[1]])
+        return Residuals(shape, rows, rows[7, self.pairs[0]] - rows[7, self.pairs[1]], self._wish(state))
+
+    def _wish(self, state: NodeState) -> Float[np.ndarray, " m"]:
+        if self.sizes is None:
+            return np.zeros(self.quads.shape[1])
+        return log_wanted_areas(state, self.sizes, self.ids)[self.quads].mean(axis=0)
+
+    def _wanted_jump(self, r: Residuals) -> Float[np.ndarray, " e"]:
+        return r.wish[self.pairs[0]] - r.wish[self.pairs[1]]
+
+    def _excess(self, r: Residuals) -> Float[np.ndarray, " m"]:
+        """Log ratio of the area of each quad to the wanted one, less the mean."""
+        excess = r.rows[7] - r.wish
+        return excess - excess.mean()
 
     def _violations(self, r: Residuals) -> tuple[Float[np.ndarray, "7 m"], Float[np.ndarray, " e"]]:
         """Signed amounts by which angles (4), aspect (1), dihedral angles (2) and area jumps exceed the limits."""
@@ -212,7 +230,8 @@ class QuadEnergy:
         rows = r.rows
         total = (rows[:4] ** 2).sum(axis=0) + o.aspect_weight**2 * rows[4] ** 2
         total += o.warp_weight**2 * (rows[5:7] ** 2).sum(axis=0)
-        jumps = o.area_weight**2 * r.jump**2
+        total += self.size_weight**2 * self._excess(r) ** 2
+        jumps = o.area_weight**2 * (r.jump - self._wanted_jump(r)) ** 2
         if self.hinge:
             over, jump = self._violations(r)
             total += self.hinge**2 * (over**2).sum(axis=0)
@@ -295,11 +314,13 @@ class QuadEnergy:
         o, n, m = self.options, self.n_nodes, self.quads.shape[1]
         indices, starts, block, columns, difference = self._pattern
         rows = self.derivatives(state, r)
-        weight = np.repeat([[1.0], [o.aspect_weight**2], [o.warp_weight**2], [0.0]], (4, 1, 2, 1), axis=0)
+        weight = np.repeat(
+            [[1.0], [o.aspect_weight**2], [o.warp_weight**2], [self.size_weight**2]], (4, 1, 2, 1), axis=0
+        )
         weight = np.tile(weight, m)
         pair_weight = np.full(len(r.jump), o.area_weight**2)
         forces = weight * r.rows
-        pull_apart = pair_weight * r.jump
+        pull_apart = pair_weight * (r.jump - self._wanted_jump(r))
         if self.hinge:
             over, jump = self._violations(r)
             w = self.hinge**2
@@ -307,18 +328,18 @@ class QuadEnergy:
             pull_apart += w * jump
             weight[:7] += w * (over != 0)
             pair_weight += w * (jump != 0)
-        forces[7] = difference.T @ pull_apart
+        forces[7] = self.size_weight**2 * self._excess(r) + difference.T @ pull_apart
         matrix = np.empty((len(indices), 2, 2))
         weighted = weight[:, None, None] * rows
         for a, b in ((0, 0), (0, 1), (1, 1)):
-            products = np.einsum("rcm,rdm->cdm", weighted[:7, :, a], rows[:7, :, b])
+            products = np.einsum("rcm,rdm->cdm", weighted[:, :, a], rows[:, :, b])
             matrix[:, a, b] = np.bincount(block, products.ravel(), minlength=len(indices))
             if a != b:
                 products = products.transpose(1, 0, 2)
                 matrix[:, b, a] = np.bincount(block, products.ravel(), minlength=len(indices))
         within = bsr_array((matrix, indices, starts), shape=(2 * n, 2 * n))
         area = csr_array((rows[7].transpose(2, 0, 1).ravel(), columns, np.arange(0, 8 * m + 1, 8)), (m, 2 * n))
-        weight[7] = np.bincount(self.pairs.ravel(), np.tile(pair_weight, 2), minlength=m)
+        weight[7] += np.bincount(self.pairs.ravel(), np.tile(pair_weight, 2), minlength=m)
         corner = self.quads.ravel()
 
         def at_nodes(values: Float[np.ndarray, "4 m"]) -> Float[np.ndarray, " n"]:
@@ -331,6 +352,13 @@ class QuadEnergy:
             at_nodes(np.einsum("rcm,rcm->cm", weighted[:, :, a], rows[:, :, b])) for a, b in ((0, 0), (0, 1), (1, 1))
         ]
         return System(within, area, pair_weight, difference, gradient, np.stack(blocks))
+
+
+def log_wanted_areas(
+    state: NodeState, sizes: Float[np.ndarray, "f 3"], nodes: Int[np.ndarray, " k"]
+) -> Float[np.ndarray, " k"]:
+    """Log of the squared size at nodes, for `sizes` at the corners of the surface's triangles."""
+    return 2 * np.log(np.einsum("nk,nk->n", state.weights[nodes], sizes[state.triangle[nodes]]))
 
 
 def beyond(value: np.ndarray, limit: float) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
 from drl_meshgen.mesh import QuadMesh, TriMesh
 from drl_meshgen.smoothing.energy import QuadEnergy, Residuals, ideal_angles
@@ -53,19 +53,23 @@ def optimise(
     triangle: Int[np.ndarray, " n"],
     options: SmoothingOptions | None = None,
     fixed: Bool[np.ndarray, " n"] | None = None,
+    *,
+    sizes: Float[np.ndarray, " v"] | None = None,
 ) -> SmoothingResult:
     """Move the nodes of `mesh` over `surface` until its quads are well shaped; connectivity stays.
 
     `triangle[k]` is the surface triangle that node `k` starts in. Nodes on the mesh's boundary slide along the
     surface's boundary, all others move tangentially and walk from triangle to triangle; `fixed` ones stay.
+    `sizes` are wanted edge lengths at the vertices of the surface, of which only the ratios count.
     The start may hold folded quads. Deterministic. Raises `InputError` if the boundary loops do not match.
     """
     options = options or SmoothingOptions()
     limits = np.radians(options.wanted_angles)
     turn = np.radians(options.corner_turn)
     space = NodeSpace(surface, mesh, fixed, corner_turn=turn, corner_limits=(limits[0], limits[1]))
-    energy = QuadEnergy(mesh, options, ideal=ideal_angles(mesh))
-    referee = Referee(surface, mesh, options)
+    wanted = None if sizes is None else sizes[surface.triangles]
+    energy = QuadEnergy(mesh, options, ideal=ideal_angles(mesh), sizes=wanted)
+    referee = Referee(surface, mesh, options, wanted)
     state = space.start(triangle)
     record = _Record(referee, state)
     for _ in range(options.relax_sweeps):

@@ -22,6 +22,8 @@ class SmoothingOptions:
 
     area_weight: float = 0.6
     """Weight of the log ratio of the areas of edge-adjacent quads, relative to a corner angle in radians."""
+    size_weight: float = 0.5
+    """Weight of the log ratio of the area of a quad to the wanted one, where sizes vary, relative to a corner angle."""
     aspect_weight: float = 0.2
     """Weight of the log ratio of the two mean side lengths of a quad, relative to a corner angle in radians."""
     warp_weight: float = 0.2

@@ -50,7 +50,7 @@ def patch_around(mesh: QuadMesh, bad: Bool[np.ndarray, " m"], rings: int, whole:
     graph = coo_array((np.ones(len(member)), (member, n + quads[ids[member], corner])), (n + len(mesh.points),) * 2)
     spot = np.full(len(quads), -1)
     spot[ids] = np.unique(connected_components(graph, directed=False)[1][:n], return_inverse=True)[1]
-    return Patch(QuadEnergy(mesh, whole.options, ids, whole.ideal), moving, spot)
+    return Patch(QuadEnergy(mesh, whole.options, ids, whole.ideal, whole.sizes), moving, spot)
 
 
 def keep_better(space: NodeSpace, referee: Referee, patch: Patch, old: NodeState, new: NodeState) -> NodeState:

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from drl_meshgen.mesh import QuadMesh, TriMesh
 from drl_meshgen.quality.normals import least_agreeing_normals
-from drl_meshgen.smoothing.energy import Shape, beyond, shape_of
+from drl_meshgen.smoothing.energy import Shape, beyond, log_wanted_areas, shape_of
 from drl_meshgen.smoothing.nodes import NodeState
 from drl_meshgen.smoothing.options import SmoothingOptions
 
@@ -17,6 +17,8 @@ FOLDED = 180.0
 """Penalty of a folded quad, in degrees beyond the wanted angles."""
 JUMP = 20.0
 """Penalty of an area ratio of e times the wanted one, in degrees beyond the wanted angles."""
+SIZE = 20.0
+"""Penalty of areas that miss the wanted ones by a factor of e (root mean square), in degrees."""
 AGREEMENT = 0.5
 """A quad is judged by the surface triangle nearest to its centroid unless its normal and those of the surface at its
 corners agree at least this well (cosine)."""
@@ -36,20 +38,28 @@ class Figures:
     """Largest ratio of the areas of edge-adjacent quads."""
     orthogonality: float
     """Mean of one minus the largest deviation from a right angle in each quad, in right angles."""
+    size_error: float
+    """Root mean square of the log ratio of areas to wanted ones; 0 where sizes do not vary."""
 
     def shortfall(self, options: SmoothingOptions) -> float:
         """Single figure to compare meshes by, smaller is better: folded quads first, then missed limits."""
         low, high = options.wanted_angles
         missed = max(0.0, low - self.min_angle) + max(0.0, self.max_angle - high)
         missed += JUMP * max(0.0, np.log(self.area_ratio / options.wanted_area_ratio))
-        return 1e3 * self.invalid + missed + 100 * (1 - self.orthogonality)
+        return 1e3 * self.invalid + missed + 100 * (1 - self.orthogonality) + SIZE * self.size_error
 
 
 class Referee:
     """Judges states of one mesh on one surface as an outsider would: only the shape of the quads counts."""
 
-    def __init__(self, surface: TriMesh, mesh: QuadMesh, options: SmoothingOptions) -> None:
-        self.surface, self.mesh, self.options = surface, mesh, options
+    def __init__(
+        self,
+        surface: TriMesh,
+        mesh: QuadMesh,
+        options: SmoothingOptions,
+        sizes: Float[np.ndarray, "f 3"] | None = None,
+    ) -> None:
+        self.surface, self.mesh, self.options, self.sizes = surface, mesh, options, sizes
         self.quads = np.ascontiguousarray(mesh.quads.T)
         self.pairs = np.ascontiguousarray(mesh.topology.edge_faces[mesh.topology.edge_count == 2].T)
 
@@ -93,7 +103,14 @@ class Referee:
             max_angle=float(angle.max()),
             area_ratio=float(np.exp(min(jump, 700.0))),
             orthogonality=float(1 - skew.mean()),
+            size_error=self._size_error(state, shape),
         )
+
+    def _size_error(self, state: NodeState, shape: Shape) -> float:
+        if self.sizes is None:
+            return 0.0
+        wanted = log_wanted_areas(state, self.sizes, np.arange(len(state.points)))[self.quads].mean(axis=0)
+        return float(np.std(np.log(np.maximum(np.abs(shape.area), np.finfo(float).tiny)) - wanted))
 
     def _jumps(self, shape: Shape) -> Float[np.ndarray, " e"]:
         area = np.maximum(np.abs(shape.area), np.finfo(float).tiny)
