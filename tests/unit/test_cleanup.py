@@ -109,6 +109,24 @@ def test_a_cap_with_its_apex_on_an_edge_is_flipped_not_torn():
     assert result.surface.areas.min() > 0.2
 
 
+def test_vertices_that_make_needles_within_a_triangle_are_dropped():
+    """Nested: a point near a side, then one near a corner of what that leaves."""
+    mesh = bumpy_disk(300)
+    points, triangles = mesh.vertices, mesh.triangles
+    for weights in ((0.5, 0.4995, 0.0005), (0.9985, 0.001, 0.0005)):
+        chosen = np.arange(0, len(triangles), 7)
+        a, b, c = triangles[chosen].T
+        new = len(points) + np.arange(len(chosen))
+        points = np.vstack([points, np.einsum("k,nkd->nd", weights, points[triangles[chosen]])])
+        parts = [np.c_[a, b, new], np.c_[b, c, new], np.c_[c, a, new]]
+        triangles = np.vstack([np.delete(triangles, chosen, axis=0), *parts])
+    result = clean(RawSurface("part", points, triangles), ASIS)
+    assert changes(result)["drop vertices in slivers"] == len(points) - len(mesh.vertices)
+    assert len(result.surface.triangles) == len(mesh.triangles)
+    assert_clean_disk(result.surface)
+    assert result.surface.area == pytest.approx(mesh.area)
+
+
 def test_a_fin_is_trimmed():
     mesh = hemisphere(300)
     a, b = mesh.topology.edges[mesh.topology.edge_count == 2][10]

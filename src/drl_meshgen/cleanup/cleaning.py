@@ -33,7 +33,7 @@ class CleanupOptions:
     """Triangles with a smaller height over their longest side are degenerate (ratio)."""
     fill_holes: float = 0.02
     """Longest hole that is filled (length around, fraction of the diagonal; holes of at most six edges may be twice
-    as long); 0: none."""
+    as long, of three five times); 0: none."""
     specks: float = 1e-4
     """Components with less than this share of the area are left out; ten times that below eight triangles (ratio)."""
     strict: bool = False
@@ -122,7 +122,7 @@ def clean(raw: RawSurface, options: CleanupOptions = CleanupOptions()) -> Cleanu
     audit.add("refine by midpoints", rounds, f"{len(surface.triangles)} triangles")
     surface, necks = widened_necks(surface)
     audit.add("widen necks of three edges", necks)
-    slivers = int((repair.flatness(surface.vertices / scale, surface.triangles) < 0.02).sum())
+    slivers = int((repair.flatness(surface.vertices / scale, surface.triangles) < repair.SLIVER).sum())
     audit.add("slivers left", slivers, "height below 2 % of the longest side; kept")
     _check_necks(raw.name, surface)
     carried = transferred(raw.points[origin], {k: a[origin] for k, a in raw.point_data.items()}, surface.vertices)
@@ -172,6 +172,8 @@ def _repaired(
         raise InputError(name, "the surface has no area (every triangle is degenerate)")
     triangles, mended = repair.mend_flat(points, triangles, options.flat_limit)
     audit.add("mend flat triangles", mended)
+    triangles, needless = repair.drop_needless(points, triangles)
+    audit.add("drop vertices in slivers", needless)
     triangles, trimmed = repair.trim_fins(points, triangles)
     audit.add("trim fins at non-manifold edges", trimmed)
     return triangles

@@ -5,14 +5,14 @@ from jaxtyping import Float, Int
 
 from drl_meshgen.mesh.topology import Topology
 
-_FEW_EDGES, _LONGER = 6, 2.0
+_LONGER = {3: 5.0, 4: 2.0, 5: 2.0, 6: 2.0}  # by number of edges: a missing triangle is a likelier flaw than a hole
 _COMPACT = 0.05  # weight of the squared sides beside the area, so that flat holes get no needles
 
 
 def fill_holes(
     points: Float[np.ndarray, "n 3"], triangles: Int[np.ndarray, "m 3"], longest: float
 ) -> tuple[Int[np.ndarray, "m2 3"], int]:
-    """Fill the holes up to `longest` around, those of at most six edges up to twice that.
+    """Fill the holes up to `longest` around, those of at most six edges up to twice, of three up to five times that.
 
     Manifold, oriented triangles are needed and kept; new ones come last. Returns all triangles and how many holes
     were filled. A hole whose every triangulation would double an edge of the surface stays open.
@@ -22,7 +22,7 @@ def fill_holes(
     patches = []
     for loop in topology.loops if longest > 0 else ():
         length = np.linalg.norm(points[loop] - np.roll(points[loop], 1, axis=0), axis=1).sum()
-        if length > longest * (_LONGER if len(loop) <= _FEW_EDGES else 1):
+        if length > longest * _LONGER.get(len(loop), 1.0):
             continue
         corners = loop[::-1]  # the loop has the surface on its left, the patch lies on the other side
         patch = _triangulated(points[corners], _chords(corners, taken))

@@ -15,7 +15,10 @@ Triangles = Int[np.ndarray, "m 3"]
 Points = Float[np.ndarray, "n 3"]
 
 
+SLIVER = 0.02
+"""Triangles with a smaller height over their longest side are slivers (ratio)."""
 _FEW_TRIANGLES = 8
+_IN_PLANE = 1e-6
 
 
 class CleanupWarning(UserWarning):
@@ -94,6 +97,60 @@ def mend_flat(points: Points, triangles: Triangles, limit: float) -> tuple[Trian
         mended += len(touched & set(flat.tolist()))
         triangles = np.delete(out, drop, axis=0)
     return triangles, mended
+
+
+def drop_needless(points: Points, triangles: Triangles) -> tuple[Triangles, int]:
+    """Merge the three triangles around a vertex into one where one of them is a sliver and the shape stays.
+
+    The vertex must lie within `_IN_PLANE` of the plane of its neighbours, inside their triangle. Repeats until none is
+    left; of neighbours the one with the smaller index goes first.
+    """
+    dropped = 0
+    while True:
+        topology = Topology(len(points), triangles)
+        spokes = np.bincount(triangles.ravel(), minlength=len(points)) == 3
+        ring = topology.valence == 3  # as many edges as triangles: the vertex is not on the boundary
+        sliver = np.zeros(len(points), bool)
+        sliver[triangles[flatness(points, triangles) < SLIVER]] = True
+        found = np.nonzero(spokes & ring & sliver & ~_at_crowded_edges(topology))[0]
+        around, outline = _outlines(triangles, found)
+        p, q = points[found], points[outline]
+        normal = np.cross(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
+        area = np.linalg.norm(normal, axis=1) / 2
+        height = np.abs(np.einsum("ni,ni->n", p - q[:, 0], normal)) / np.maximum(2 * area, np.finfo(float).tiny)
+        inside = areas(points, triangles[around].reshape(-1, 3)).reshape(-1, 3).sum(axis=1) <= area * (1 + 1e-6)
+        known = np.sort(triangles, axis=1) @ (len(points) ** 2, len(points), 1)
+        single = ~np.isin(np.sort(outline, axis=1) @ (len(points) ** 2, len(points), 1), known)
+        drop = np.zeros(len(triangles), bool)
+        new = []
+        for k in np.nonzero((height < _IN_PLANE) & inside & single)[0].tolist():
+            if not drop[around[k]].any():
+                drop[around[k]] = True
+                new.append(outline[k])
+        if not new:
+            return triangles, dropped
+        triangles = np.vstack([triangles[~drop], new])
+        dropped += len(new)
+
+
+def _at_crowded_edges(topology: Topology) -> Bool[np.ndarray, " n"]:
+    flag = np.zeros(topology.n_vertices, bool)
+    flag[topology.edges[topology.edge_count > 2]] = True
+    return flag
+
+
+def _outlines(triangles: Triangles, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles around each vertex of three, and the triangle of its neighbours, wound as the first of them."""
+    flat = triangles.ravel()
+    order = np.argsort(flat, kind="stable")
+    start = np.searchsorted(flat[order], vertices)
+    corner = order[start[:, None] + np.arange(3)]
+    around = corner // 3
+    first = corner[:, 0] % 3
+    b, c = (triangles[around[:, 0], (first + k) % 3] for k in (1, 2))
+    others = triangles[around].reshape(-1, 9)
+    rest = others.sum(axis=1) - 3 * vertices - 2 * (b + c)  # every neighbour is in two of the three triangles
+    return around, np.c_[b, c, rest // 2]
 
 
 def trim_fins(points: Points, triangles: Triangles) -> tuple[Triangles, int]:
