@@ -1,5 +1,6 @@
 """Running one rival: a process of its own with a time limit, tuned to the wanted number of quads."""
 
+import importlib.util
 import subprocess
 import sys
 import tempfile
@@ -20,12 +21,13 @@ from drl_meshgen.quality.structure import boundary_loops
 
 
 class Method(Enum):
-    """What Gmsh is asked for. The value is its name in tables."""
+    """Which mesher, and what it is asked for. The value is the name in tables."""
 
     QUASI_STRUCTURED = "Gmsh quasi-structured"
     BLOSSOM = "Gmsh blossom"
     BLOSSOM_SUBDIVIDED = "Gmsh blossom, subdivided"
     TRANSFINITE = "Gmsh transfinite"
+    QUADRIFLOW = "QuadriFlow"
 
     @property
     def key(self) -> str:
@@ -41,6 +43,7 @@ class RivalOutcome(Enum):
     EMPTY = "made no quad"
     CRASHED = "stopped with an error"
     TIMED_OUT = "ran out of time"
+    NOT_INSTALLED = "is not installed; pip install 'drl-meshgen[bench]' does it"
     NOT_APPLICABLE = "needs a surface with one boundary loop and no handle"
 
 
@@ -48,8 +51,8 @@ class RivalOutcome(Enum):
 class RivalOptions:
     """How rivals are run."""
 
-    methods: tuple[str, ...] = tuple(method.key for method in Method)
-    """Which methods run: quasi-structured, blossom, blossom-subdivided, transfinite."""
+    methods: tuple[str, ...] = tuple(method.key for method in Method if method is not Method.QUADRIFLOW)
+    """Which methods run: quasi-structured, blossom, blossom-subdivided, transfinite (all Gmsh), quadriflow."""
     timeout: float = 90.0
     """Time limit of one method, all its attempts together, seconds."""
     corrections: int = 2
@@ -77,18 +80,18 @@ class Rival:
     method: Method
     outcome: RivalOutcome
     detail: str = ""
-    """What Gmsh said last, or the figure behind the outcome."""
+    """What the mesher said last, or the figure behind the outcome."""
     seconds: float = np.nan
-    """Wall time from surface to mesh inside Gmsh, of the run whose mesh this is."""
+    """Wall time from surface to mesh inside the mesher, of the run whose mesh this is."""
     mesh: QuadMesh | None = None
     triangles: Int[np.ndarray, "t 3"] | None = None
     """Faces that are not quads."""
 
 
 # Run by path: importing the package would cost more than a small mesh.
-_WORKER = Path(__file__).with_name("gmsh_worker.py")
+_GMSH, _QUADRIFLOW = (Path(__file__).with_name(f"{name}_worker.py") for name in ("gmsh", "quadriflow"))
 # Quads made per square of the target edge length, measured on a hemisphere; the first guess of the size.
-_QUADS_PER_SQUARE = {Method.QUASI_STRUCTURED: 3.9, Method.BLOSSOM_SUBDIVIDED: 4.2}
+_QUADS_PER_SQUARE = {Method.QUASI_STRUCTURED: 3.9, Method.BLOSSOM_SUBDIVIDED: 4.2, Method.QUADRIFLOW: 1.25}
 # Seconds that the second try may take where the first ended sooner.
 _SECOND_TRY = 20.0
 
@@ -126,7 +129,8 @@ def _attempt(surface: TriMesh, method: Method, size: float, timeout: float, *, s
             split=split,
             limit=timeout,
         )
-        command = [sys.executable, "-P", str(_WORKER), str(job), str(out)]
+        worker = _QUADRIFLOW if method is Method.QUADRIFLOW else _GMSH
+        command = [sys.executable, "-P", str(worker), str(job), str(out)]
         try:
             done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)  # noqa: S603
         except subprocess.TimeoutExpired:
@@ -164,17 +168,20 @@ def _checked(rival: Rival, surface: TriMesh, missing: float) -> Rival:
 
 
 def run_rival(surface: TriMesh, method: Method, target_quads: int, options: RivalOptions | None = None) -> Rival:
-    """Mesh the surface with one of Gmsh's methods at about `target_quads` quads.
+    """Mesh the surface with one of the methods at about `target_quads` quads.
 
-    The surface is given to Gmsh as one patch first and, where that fails, cut in patches by Gmsh itself; this second
-    try may take as long as the first. Nothing is raised for a rival's failure: it is the outcome. The run nearest to
-    the wanted count among those that ended well is returned.
+    The surface is given to Gmsh as one patch first and, where that fails, cut in patches by Gmsh itself; QuadriFlow
+    solves by maximum flow first, then by minimum-cost flow. The second try may take as long as the first. Nothing is
+    raised for a rival's failure: it is the outcome. The run nearest to the wanted count among those that ended well is
+    returned.
     """
     options = options or RivalOptions()
     start = time.monotonic()
     t = surface.topology
     if method is Method.TRANSFINITE and (t.euler != 1 or boundary_loops(t) != 1):
         return Rival(method, RivalOutcome.NOT_APPLICABLE)
+    if method is Method.QUADRIFLOW and importlib.util.find_spec("pyQuadriFlow") is None:
+        return Rival(method, RivalOutcome.NOT_INSTALLED)
 
     def attempt(size: float, *, split: bool, seconds: float = np.inf) -> Rival:
         left = min(seconds, start + options.timeout - time.monotonic())
@@ -186,27 +193,34 @@ def run_rival(surface: TriMesh, method: Method, target_quads: int, options: Riva
     best = attempt(size, split=False)
     if best.outcome is RivalOutcome.TIMED_OUT:
         return replace(best, detail=f"limit {options.timeout:g} s")
-    if best.outcome is RivalOutcome.MESHED:
-        return _tuned(best, size, target_quads, options, partial(attempt, split=False))
-    if method is Method.TRANSFINITE:
+    best = _tuned(best, size, target_quads, options, partial(attempt, split=False))
+    if best.outcome is RivalOutcome.MESHED or method is Method.TRANSFINITE:
         return best
     second = attempt(size, split=True, seconds=max(_SECOND_TRY, time.monotonic() - start))
-    if second.outcome is RivalOutcome.MESHED:
-        return _tuned(second, size, target_quads, options, partial(attempt, split=True))
-    return second if best.mesh is None and second.mesh is not None else best
+    second = _tuned(second, size, target_quads, options, partial(attempt, split=True))
+    better = second.outcome is RivalOutcome.MESHED or (best.mesh is None and second.mesh is not None)
+    return second if better else best
+
+
+def _worth_tuning(rival: Rival) -> bool:
+    """Tell whether a run is to be corrected: it is whole, or lost limbs as QuadriFlow does where it is coarse."""
+    whole = rival.outcome is RivalOutcome.MESHED
+    return whole or (rival.method is Method.QUADRIFLOW and rival.outcome is RivalOutcome.INCOMPLETE)
 
 
 def _tuned(
     best: Rival, size: float, target_quads: int, options: RivalOptions, attempt: Callable[[float], Rival]
 ) -> Rival:
-    """Correct the size until the count fits; keep the nearest run that meshed the whole surface, as the first did."""
+    """Correct the size until the count fits; keep the nearest run that is worth it. Others come back as they are."""
+    if not _worth_tuning(best):
+        return best
     nearest = count = _count(best)
     for _ in range(options.corrections):
         if abs(count / target_quads - 1) <= options.tolerance:
             break
         size *= np.sqrt(count / target_quads)
         latest = attempt(size)
-        if latest.outcome is not RivalOutcome.MESHED:
+        if not _worth_tuning(latest):
             break
         count = _count(latest)
         if abs(np.log(count / target_quads)) < abs(np.log(nearest / target_quads)):
