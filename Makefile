@@ -4,6 +4,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.stamp
 TORCH := torch==2.13.0
+MODELS ?= ../shared/models
+REFEREE ?= $(wildcard ../shared/referee/quadcheck.py)
 LIBRARIES := libegl1 libgl1 libgl1-mesa-dri libglu1-mesa libgomp1 libopengl0 \
 	libxcursor1 libxfixes3 libxft2 libxinerama1 libxrender1
 
@@ -12,7 +14,7 @@ export OMP_NUM_THREADS ?= 2
 export OPENBLAS_NUM_THREADS ?= 2
 export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 
-.PHONY: setup libraries demo test lint bench clean
+.PHONY: setup libraries demo test lint bench extra-bench robustness bench-quality clean
 
 setup: $(STAMP)
 
@@ -47,6 +49,20 @@ bench: setup
 	$(BIN)/python -m pytest tests/benchmark --benchmark-only --benchmark-columns=min,mean,max,rounds --benchmark-sort=name
 	@folder=$$(mktemp -d) && $(BIN)/drl-meshgen mesh giraffe --target-quads 8000 --timings --no-pictures --out $$folder \
 		; code=$$?; rm -r $$folder; exit $$code
+
+# Rivals that only the benchmarks need.
+extra-bench: setup
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
+
+# Both take half an hour or more; interrupted, the next `make` goes on. Exit status 1: not every surface went through.
+robustness: setup
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m drl_meshgen.benchmarks.robustness --resume \
+		--models $(MODELS) $(if $(REFEREE),--referee $(REFEREE)) --out docs/benchmarks; code=$$?; \
+	$(BIN)/python docs/gallery/hardest.py docs/benchmarks --models $(MODELS) && exit $$code
+
+bench-quality: extra-bench
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m drl_meshgen.benchmarks.quality --resume \
+		--models $(MODELS) --out docs/benchmarks
 
 clean:
 	rm -rf build dist out reports/generated .pytest_cache .ruff_cache .hypothesis .import_linter_cache

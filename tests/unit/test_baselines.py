@@ -1,3 +1,4 @@
+import importlib.util
 import subprocess
 
 import numpy as np
@@ -99,3 +100,19 @@ def test_rows_keep_the_order_of_the_options_and_runs_give_the_same_files(dome, t
 def test_a_method_that_is_none_is_refused():
     with pytest.raises(ValueError, match="'triangle' is not a method; known are quasi-structured, blossom"):
         RivalOptions(methods=("triangle",))
+
+
+def test_quadriflow_that_is_not_installed_is_a_row_that_says_how(dome, monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
+    row = compare(dome, 100, RivalOptions(methods=("quadriflow",))).rows.iloc[0]
+    assert not row["ok"]
+    assert "pip install 'drl-meshgen[bench]'" in row["cause"]
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pyQuadriFlow") is None, reason="the extra bench is not installed")
+def test_quadriflow_makes_quads_only_of_about_the_wanted_count_and_keeps_the_rim(dome):
+    row = compare(dome, 300, RivalOptions(methods=("quadriflow",), corrections=4)).rows.iloc[0]
+    assert row["ok"]
+    assert (row["non_quads"], row["loops"], row["euler"]) == (0, 1, 1)
+    assert row["quads"] == pytest.approx(300, rel=0.25)
+    assert row["boundary_deviation"] < 0.02

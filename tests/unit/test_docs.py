@@ -12,6 +12,7 @@ import typer
 from typer.testing import CliRunner
 
 from drl_meshgen import codecs
+from drl_meshgen.benchmarks.robustness import main as robustness
 from drl_meshgen.cli import EXIT_CODES, app
 from drl_meshgen.commands.settings import read_settings
 from drl_meshgen.models import MODELS
@@ -213,3 +214,23 @@ def test_gallery_compares_counts_on_one_partition(capsys):
     assert table["quads"].is_monotonic_increasing
     assert table["reused stages"].tolist() == [0, 6]
     assert "min_angle" in capsys.readouterr().out
+
+
+def test_gallery_draws_the_hardest_on_one_sheet_and_shows_it_in_the_summary(tmp_path):
+    hardest = script("docs/gallery/hardest.py")
+    arguments = [
+        "--only",
+        "random",
+        "--seeds",
+        "3:4",
+        "--workers",
+        "1",
+        "--out",
+        str(tmp_path),
+        "--work",
+        str(tmp_path),
+    ]
+    robustness(arguments)
+    sheet = hardest.main([str(tmp_path), "--count", "1"])
+    assert sheet.stat().st_size > 5_000
+    assert f"]({sheet.name})" in (tmp_path / "robustness.md").read_text("utf-8")

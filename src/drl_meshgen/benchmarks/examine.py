@@ -13,6 +13,8 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from drl_meshgen.benchmarks.columns import FIGURES
 from drl_meshgen.errors import InputError, MeshgenError
 from drl_meshgen.export import write_mesh, write_surface_ply
@@ -24,6 +26,8 @@ from drl_meshgen.quality import Quality, gate
 from drl_meshgen.quality.structure import boundary_loops
 from drl_meshgen.store import Execution
 
+SPECKS, FILLED = "leave out specks", "fill small holes"
+"""Steps of the cleanup that change components and loops on purpose."""
 FACTS = ("genus", "loops", "components", "limbs", "flaws")
 """What is known about the surface as it came; `limbs` and `flaws` of random surfaces only."""
 
@@ -117,7 +121,7 @@ def _verdict(known: dict[str, Any], done: Execution, referee: Path | None) -> di
     """Return status, sentence, figures and defects of a finished run."""
     quality: Quality = done["quality"]
     m = quality.metrics
-    found = _lost(known, m)
+    found = _lost(known, done["cleanup"].audit, m)
     with tempfile.TemporaryDirectory() as folder:
         if referee is not None:
             mesh, surface = Path(folder, "mesh.vtu"), Path(folder, "surface.ply")
@@ -129,15 +133,19 @@ def _verdict(known: dict[str, Any], done: Execution, referee: Path | None) -> di
     status = Status.DEFECTIVE if found else Status.BELOW_GATE if below else Status.MESHED
     return {
         "status": status.value,
-        "sentence": "; ".join(found + below),
+        "sentence": "; ".join(found or below),
         **{name: m.get(name, math.nan) for name in FIGURES},
     }
 
 
-def _lost(known: dict[str, Any], metrics: dict[str, float]) -> list[str]:
-    """Compare the mesh with the surface as it came: what cleanup left out is a defect here."""
-    euler = 2 * known["components"] - 2 * known["genus"] - known["loops"]
-    wanted = {"components": known["components"], "loops": known["loops"], "euler": euler}
+def _lost(known: dict[str, Any], audit: pd.DataFrame, metrics: dict[str, float]) -> list[str]:
+    """Compare the mesh with the surface as it came: what is missing without the audit saying so is a defect here."""
+    changed = dict(zip(audit["step"], audit["count"], strict=True))
+    specks, filled = (int(changed.get(step, 0)) for step in (SPECKS, FILLED))
+    components, loops = known["components"] - specks, known["loops"] - filled
+    wanted = {"components": components}
+    if not specks:  # which may have had loops and handles
+        wanted |= {"loops": loops, "euler": 2 * components - 2 * known["genus"] - loops}
     return [
         f"{name}: mesh {metrics[name]:g}, surface as it came {theirs}"
         for name, theirs in wanted.items()

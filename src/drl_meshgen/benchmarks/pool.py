@@ -81,6 +81,7 @@ class _Worker(Generic[Job, Result]):
     def end(self) -> None:
         self.process.kill()
         self.process.join()
+        self.process.close()
         self.line.close()
 
 

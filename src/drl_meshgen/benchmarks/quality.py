@@ -102,8 +102,7 @@ def write_tables(folder: Path, wanted: Sequence[Match], record: Record) -> None:
     """Write `quality.{parquet,csv}`, the times apart, as they differ from run to run, and the standings."""
     table = table_of(wanted, record)
     write_both(folder / "quality", table.drop(columns="seconds"))
-    timed = table.drop(index=table.index[~table["ran"].astype(bool)])
-    timed = timed.reindex(columns=["surface", "target", "method", "seconds"])
+    timed = table.reindex(columns=["surface", "target", "method", "seconds"]).dropna()
     write_both(folder / "quality-seconds", timed.assign(seconds=timed["seconds"].round(2)))
     write_standings(folder)
 
