@@ -16,7 +16,7 @@ from drl_meshgen.commands.meshing import verdict
 from drl_meshgen.commands.output import can_draw, folder_names
 from drl_meshgen.commands.settings import chosen
 from drl_meshgen.errors import MeshgenError
-from drl_meshgen.pipeline import COMPARED_STAGES, STAGES, ModelOptions
+from drl_meshgen.pipeline import COMPARED_STAGES, STAGES, ModelOptions, coarsened
 from drl_meshgen.quality import Quality, gate
 from drl_meshgen.report import OURS, slug
 from drl_meshgen.store import ArtifactRef, Execution, Store, reopen
@@ -145,7 +145,10 @@ def mesh(
     methods: list[dashboard.Methods] = []
     for source, name in zip(surfaces, folder_names(surfaces), strict=True):
         try:
-            own = options if layout is None else steered(options, Path(layout), source, triangles)
+            if layout is None:
+                own = coarsened(options, source, triangles)
+            else:
+                own = steered(options, Path(layout), source, triangles)
         except MeshgenError as error:
             outcomes.append(refused(name, error))
             methods.append({})

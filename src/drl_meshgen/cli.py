@@ -50,6 +50,12 @@ Counts = Annotated[
         "--count", metavar="NAME=N", help="Quads along an edge, or rows of a ring, of the layout; may be repeated."
     ),
 ]
+Blocks = Annotated[
+    int | None, typer.Option("--blocks", metavar="N", min=1, help="Coarsen the layout until it has at most N blocks.")
+]
+MaxIrregular = Annotated[
+    int | None, typer.Option(metavar="N", min=1, help="Coarsen the layout until it has at most N irregular nodes.")
+]
 Fast = Annotated[bool, typer.Option("--fast", help="Half the time, somewhat worse quads.")]
 Remesh = Annotated[bool, typer.Option("--remesh", help="Remesh the input isotropically first.")]
 Strict = Annotated[bool, typer.Option("--strict", help="Refuse inputs of several components.")]
@@ -86,6 +92,8 @@ def mesh(
     config: Config = None,
     layout: LayoutFile = None,
     count: Counts = None,
+    blocks: Blocks = None,
+    max_irregular: MaxIrregular = None,
     fast: Fast = False,
     remesh: Remesh = False,
     compare: Annotated[
@@ -110,7 +118,18 @@ def mesh(
         from drl_meshgen.commands.settings import chosen
         from drl_meshgen.store import Store
 
-        options = chosen(config, count or [], target_quads, target_edge, seed, fast=fast, remesh=remesh, strict=strict)
+        options = chosen(
+            config,
+            count or [],
+            target_quads,
+            target_edge,
+            seed,
+            blocks=blocks,
+            irregular=max_irregular,
+            fast=fast,
+            remesh=remesh,
+            strict=strict,
+        )
         kept = None if store is None else Store(store)
         return mesh_all(
             Request(
@@ -141,6 +160,8 @@ def layout(
     config: Config = None,
     layout: LayoutFile = None,
     count: Counts = None,
+    blocks: Blocks = None,
+    max_irregular: MaxIrregular = None,
     fast: Fast = False,
     remesh: Remesh = False,
     strict: Strict = False,
@@ -160,7 +181,17 @@ def layout(
         from drl_meshgen.commands.settings import chosen
         from drl_meshgen.store import Store
 
-        options = chosen(config, count or [], target_quads, target_edge, fast=fast, remesh=remesh, strict=strict)
+        options = chosen(
+            config,
+            count or [],
+            target_quads,
+            target_edge,
+            blocks=blocks,
+            irregular=max_irregular,
+            fast=fast,
+            remesh=remesh,
+            strict=strict,
+        )
         kept = None if store is None else Store(store)
         return layout_all(Request(inputs, out, options, triangles, kept, debug=debug, layout=layout))
 

@@ -13,7 +13,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from drl_meshgen import codecs
-from drl_meshgen.assembly import AssemblyOptions, assemble, fill
+from drl_meshgen.assembly import AssemblyOptions, LimitOptions, assemble, fill, within
 from drl_meshgen.baselines import Comparison, RivalOptions, compare
 from drl_meshgen.cleanup import CleanupOptions, CleanupResult, clean
 from drl_meshgen.decompose import DecomposeOptions, Layout, decompose
@@ -27,7 +27,7 @@ from drl_meshgen.seams import OpenedSurface, SeamOptions, open_surface
 from drl_meshgen.sizing import SizeOptions, size_field
 from drl_meshgen.smoothing import SmoothingOptions, optimise
 from drl_meshgen.smoothing.final import FinalMesh
-from drl_meshgen.store import Execution, Progress, Stage, Store, execute
+from drl_meshgen.store import Execution, Progress, Stage, Store, execute, memoised
 from drl_meshgen.store.canonical import digest, file_digest
 
 
@@ -59,6 +59,7 @@ class MeshOptions:
     assembly: AssemblyOptions = field(default_factory=AssemblyOptions)
     smoothing: SmoothingOptions = field(default_factory=SmoothingOptions)
     comparison: RivalOptions = field(default_factory=RivalOptions)
+    limits: LimitOptions = field(default_factory=LimitOptions)
     seed: int = 0
     """Seed of whatever is random; no stage is at present, so it changes nothing but what is recorded."""
 
@@ -248,6 +249,34 @@ COMPARED_STAGES: tuple[Stage[Any, Any], ...] = (
 LAYOUT_STAGES = ("cleanup", "seams", "ricci", "partition", "sizing", "decompose")
 
 
+def coarsened(
+    options: MeshOptions,
+    source: str,
+    triangles: int = ModelOptions.triangles,
+    *,
+    stages: tuple[Stage[Any, Any], ...] = STAGES,
+) -> MeshOptions:
+    """Return options without limits under which the layout of a surface is within those that `options` set.
+
+    Nothing changes where there are none. The search (see `within`) runs in memory. Raises `InputError` where there is
+    no such layout.
+    """
+    if not options.limits:
+        return options
+    known = tuple(memoised(stage) for stage in stages)
+    if options.limits.blocks:  # patches with 1-to-1 interfaces where they are few enough, else bands
+        most = min(options.assembly.most_blocks, options.limits.blocks)
+        options = replace(options, assembly=replace(options.assembly, most_blocks=most))
+
+    def lay(own: PartitionOptions, opening: DecomposeOptions, stage: str) -> Any:
+        given = replace(options, partition=own, decompose=opening)
+        return execute(known, given.by_stage(source, triangles), targets=[stage])[stage]
+
+    name = source if is_generated(source) else Path(source).name
+    own, opening = within(lay, (options.partition, options.decompose), options.limits, name)
+    return replace(options, partition=own, decompose=opening, limits=LimitOptions())
+
+
 def run(
     source: str,
     options: MeshOptions | None = None,
@@ -261,7 +290,7 @@ def run(
 
     With `compare` also the rivals, which can take minutes.
     """
-    options = options or MeshOptions()
+    options = coarsened(options or MeshOptions(), source, triangles)
     stages = COMPARED_STAGES if compare else STAGES
     return execute(stages, options.by_stage(source, triangles, compare=compare), store=store, progress=progress)
 
@@ -277,5 +306,6 @@ def mesh_surface(surface: TriMesh | RawSurface | str | Path, options: MeshOption
     if isinstance(surface, (str, Path)):
         return run(str(surface), options)["smoothing"].mesh
     raw = surface if isinstance(surface, RawSurface) else RawSurface("surface", surface.vertices, surface.triangles)
-    given = replace(STAGES[0], run=lambda _inputs, _options: raw)
-    return execute((given, *STAGES[1:]), options.by_stage(raw.name), targets=["smoothing"])["smoothing"].mesh
+    stages = (replace(STAGES[0], run=lambda _inputs, _options: raw), *STAGES[1:])
+    options = coarsened(options, raw.name, stages=stages)
+    return execute(stages, options.by_stage(raw.name), targets=["smoothing"])["smoothing"].mesh

@@ -1,6 +1,7 @@
 """Subdomains filled in their charts and assembled into one block mesh."""
 
 from drl_meshgen.assembly.assemble import Assembly, AssemblyOptions, assemble
+from drl_meshgen.assembly.limits import LimitOptions, within
 from drl_meshgen.assembly.subdomains import CapFill, RingFill, StripFill, Subdomains, fill
 from drl_meshgen.assembly.transition import TransitionFill
 
@@ -8,10 +9,12 @@ __all__ = [
     "Assembly",
     "AssemblyOptions",
     "CapFill",
+    "LimitOptions",
     "RingFill",
     "StripFill",
     "Subdomains",
     "TransitionFill",
     "assemble",
     "fill",
+    "within",
 ]

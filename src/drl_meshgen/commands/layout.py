@@ -5,8 +5,7 @@ import warnings
 
 import typer
 
-from drl_meshgen.commands.layout_file import steered
-from drl_meshgen.commands.meshing import FINE, Request, bar, for_all, tell
+from drl_meshgen.commands.meshing import FINE, Request, bar, for_all, settled, tell
 from drl_meshgen.commands.output import complete, write_layout_curves, write_layout_file
 from drl_meshgen.decompose import Layout
 from drl_meshgen.decompose.stage import predicted_quads
@@ -23,9 +22,7 @@ def _layout_one(request: Request, source: str, name: str) -> int:
     start = time.perf_counter()
     with warnings.catch_warnings(record=True) as caught, bar(name) as show:
         warnings.simplefilter("always")
-        options = request.options
-        if request.layout is not None:
-            options = steered(options, request.layout, source, request.triangles)
+        options = settled(request, source)
         given = options.by_stage(source, request.triangles)
         done = execute(STAGES, given, targets=["decompose"], store=request.store, progress=show)
         with complete(request.out / name) as folder:

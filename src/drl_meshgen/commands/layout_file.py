@@ -111,6 +111,8 @@ def steered(options: MeshOptions, path: Path, source: str, triangles: int) -> Me
             there = getattr(own, stage)
             key = next(f.name for f in fields(given) if getattr(given, f.name) != getattr(there, f.name))
             raise InputError(path.name, f"was made with another {stage}.{key}", "write it again with the new one")
+    if options.limits:
+        raise InputError(path.name, "is a layout already", "give limits to the layout command")
     fixed = dict(edited.options.decompose.fixed) | dict(options.decompose.fixed)
     own = {stage: getattr(edited.options, stage) for stage in LAYOUT_STAGES}
     return replace(options, **own | {"decompose": replace(edited.options.decompose, fixed=tuple(fixed.items()))})

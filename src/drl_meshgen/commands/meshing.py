@@ -120,9 +120,7 @@ def _mesh_one(request: Request, source: str, name: str) -> int:
     label, start = _label(source), time.perf_counter()
     with warnings.catch_warnings(record=True) as caught, bar(name) as show:
         warnings.simplefilter("always")
-        options = request.options
-        if request.layout is not None:
-            options = steered(options, request.layout, source, request.triangles)
+        options = settled(request, source)
         done = pipeline.run(
             source,
             options,
@@ -149,6 +147,13 @@ def _mesh_one(request: Request, source: str, name: str) -> int:
     if failed:
         typer.echo(f"{label}: below the quality gate: {'; '.join(failed)}", err=True)
     return BELOW_GATE if failed else FINE
+
+
+def settled(request: Request, source: str) -> MeshOptions:
+    """Return the options of one input, once its layout file and the limits of its layout are looked at."""
+    if request.layout is not None:
+        return steered(request.options, request.layout, source, request.triangles)
+    return pipeline.coarsened(request.options, source, request.triangles)
 
 
 def tell(caught: Sequence[warnings.WarningMessage]) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from drl_meshgen.assembly import LimitOptions
 from drl_meshgen.errors import MeshgenError
 from drl_meshgen.pipeline import MeshOptions
 
@@ -42,6 +43,8 @@ def chosen(
     target_edge: float | None = None,
     seed: int | None = None,
     *,
+    blocks: int | None = None,
+    irregular: int | None = None,
     fast: bool = False,
     remesh: bool = False,
     strict: bool = False,
@@ -57,7 +60,11 @@ def chosen(
     fixed = dict(options.decompose.fixed) | dict(_count(text) for text in counts)
     decompose = replace(options.decompose, fixed=tuple(fixed.items()))
     seed = options.seed if seed is None else seed
-    return replace(options, cleanup=cleanup, decompose=decompose, seed=seed)
+    limits = LimitOptions(
+        options.limits.blocks if blocks is None else blocks,
+        options.limits.irregular if irregular is None else irregular,
+    )
+    return replace(options, cleanup=cleanup, decompose=decompose, limits=limits, seed=seed)
 
 
 def _count(text: str) -> tuple[str, int]:

@@ -142,6 +142,21 @@ def ancestors(stages: Sequence[Stage[Any, Any]], targets: Sequence[str] | None =
     return tuple(stage for stage in stages if stage.name in needed)
 
 
+def memoised(stage: Stage[O, R]) -> Stage[O, R]:
+    """Return a stage that remembers its last result in memory, and gives it for the same inputs and equal options."""
+    last: list[tuple[dict[str, Any], O, R]] = []
+
+    @wraps(stage.run)
+    def run(inputs: Mapping[str, Any], options: O) -> R:
+        if last and last[0][1] == options and all(last[0][0][name] is inputs[name] for name in stage.inputs):
+            return last[0][2]
+        result = stage.run(inputs, options)
+        last[:] = [(dict(inputs), options, result)]
+        return result
+
+    return replace(stage, run=run)
+
+
 def load(stage: Stage[Any, R], ref: ArtifactRef, store: Store) -> R:
     """Read a stage's result from the store; raises `DamagedArtifactError` where an object is missing or altered."""
     with store.folder(ref) as folder:
