@@ -44,8 +44,9 @@ def counts(limbs, given):
 
 def test_limits_that_hold_already_change_nothing(limbs):
     blocks, irregular, _ = counts(limbs, options())
-    given = options(blocks, irregular)
-    assert coarsened(given, limbs) == replace(given, limits=LimitOptions())
+    found = coarsened(options(blocks, irregular), limbs)
+    assert replace(found, assembly=MeshOptions().assembly) == options()
+    assert found.assembly.most_blocks == blocks
 
 
 def test_limbs_are_left_out_until_the_layout_fits(limbs):
