@@ -110,6 +110,11 @@ class NodeSpace:
                 s[k] = corner
                 self.pinned[nodes[k]] = True
 
+    @property
+    def free(self) -> Bool[np.ndarray, " n"]:
+        """Nodes that may go anywhere on the surface."""
+        return (self._slot < 0) & ~self.fixed
+
     def start(self, triangle: Int[np.ndarray, " n"]) -> NodeState:
         """Return the state with nodes at `mesh.points`, `triangle[k]` carrying node `k`; those on curves moved there.
 

@@ -11,6 +11,7 @@ from drl_meshgen.smoothing.nodes import NodeSpace, NodeState
 from drl_meshgen.smoothing.options import SmoothingOptions, SmoothingOutcome, SmoothingResult
 from drl_meshgen.smoothing.patches import reach_of, repair, unfold
 from drl_meshgen.smoothing.relax import sweep
+from drl_meshgen.smoothing.restart import settled
 from drl_meshgen.smoothing.search import search, search_all
 from drl_meshgen.smoothing.verdict import Figures, Referee
 
@@ -72,6 +73,7 @@ def optimise(
     referee = Referee(surface, mesh, options, wanted)
     state = space.start(triangle)
     record = _Record(referee, state)
+    state = settled(space, state)
     for _ in range(options.relax_sweeps):
         state = sweep(space, energy, state, reach_of(mesh, state.points, options.step_limit))
     record.judge("relax", state)

@@ -58,12 +58,19 @@ class SmoothingOptions:
     """Most rounds of repair."""
     repair_steps: int = 12
     """Most Gauss-Newton steps of each round of repair."""
+    repair_slack: float = 1.5
+    """Factor by which repair widens the limits of warp and of area ratios (its logarithm): angles come first there."""
     repair_hinge: float = 20.0
     """Weight of the violation of a limit during repair, relative to a corner angle."""
     cg_iterations: int = 40
     """Most conjugate-gradient iterations of each Gauss-Newton step."""
     step_limit: float = 0.5
     """Longest step of a node, in mean lengths of the edges at it."""
+
+    def for_repair(self) -> "SmoothingOptions":
+        """Return these options with the limits of repair."""
+        area = self.wanted_area_ratio**self.repair_slack
+        return replace(self, wanted_warp=self.wanted_warp * self.repair_slack, wanted_area_ratio=area)
 
     def fast(self) -> "SmoothingOptions":
         """Return these options with fewer steps of each kind."""

@@ -12,8 +12,12 @@ from drl_meshgen.smoothing.energy import QuadEnergy
 from drl_meshgen.smoothing.newton import minimise
 from drl_meshgen.smoothing.nodes import NodeSpace, NodeState
 from drl_meshgen.smoothing.options import SmoothingOptions
+from drl_meshgen.smoothing.restart import averaged
 from drl_meshgen.smoothing.untangle import untangle
 from drl_meshgen.smoothing.verdict import Referee
+
+AVERAGING = 4
+"""Averaging sweeps for each ring of a patch, so that means reach across it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +54,7 @@ def patch_around(mesh: QuadMesh, bad: Bool[np.ndarray, " m"], rings: int, whole:
     graph = coo_array((np.ones(len(member)), (member, n + quads[ids[member], corner])), (n + len(mesh.points),) * 2)
     spot = np.full(len(quads), -1)
     spot[ids] = np.unique(connected_components(graph, directed=False)[1][:n], return_inverse=True)[1]
-    return Patch(QuadEnergy(mesh, whole.options, ids, whole.ideal, whole.sizes), moving, spot)
+    return Patch(QuadEnergy(mesh, whole.options.for_repair(), ids, whole.ideal, whole.sizes), moving, spot)
 
 
 def keep_better(space: NodeSpace, referee: Referee, patch: Patch, old: NodeState, new: NodeState) -> NodeState:
@@ -68,15 +72,19 @@ def keep_better(space: NodeSpace, referee: Referee, patch: Patch, old: NodeState
 def unfold(
     space: NodeSpace, whole: QuadEnergy, referee: Referee, state: NodeState, options: SmoothingOptions
 ) -> NodeState:
-    """Untangle around folded quads, in patches that grow from round to round."""
+    """Untangle around folded quads in growing patches, from where nodes are and from the means of their neighbours."""
     mesh = space.mesh
-    for round_ in range(options.unfold_rounds):
+    for round_ in range(2 * options.unfold_rounds):
         folded = ~whole.shape(state).valid
         if not folded.any():
             break
-        patch = patch_around(mesh, folded, options.repair_rings + 2 * round_, whole)
+        rings = options.repair_rings + round_
+        patch = patch_around(mesh, folded, rings, whole)
         reach = reach_of(mesh, state.points, 2 * options.step_limit)
-        tried = space.thaw(untangle(space, patch.energy, space.freeze(state, patch.moving), reach))
+        start = space.freeze(state, patch.moving)
+        if round_ % 2:
+            start = averaged(space, start, AVERAGING * rings)
+        tried = space.thaw(untangle(space, patch.energy, start, reach))
         state = keep_better(space, referee, patch, state, tried)
     return state
 

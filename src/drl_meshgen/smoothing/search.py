@@ -13,6 +13,8 @@ RADII = (1.0, 0.5, 0.25, 0.1)
 """Distances tried, in mean lengths of the edges at the nodes."""
 SHRINKING = (0.3, 0.6)
 """Shares of the way to one of its corners that a whole quad is tried to be drawn together."""
+MORE_SEARCHES = 3
+"""Most searches on from the best result, as long as they help."""
 SWEEPS = 10
 """Most sweeps over the nodes around folded quads."""
 
@@ -71,9 +73,7 @@ def search(space: NodeSpace, referee: Referee, state: NodeState, *, whole_quads:
     `whole_quads` folded quads are moved and shrunk as a whole as well, which gets other knots undone.
     """
     mesh = space.mesh
-    free = np.ones(len(mesh.points), bool)
-    free[space.sliding] = False
-    free[space.fixed] = False
+    free = space.free
     for sweep in range(SWEEPS):
         folded = ~referee.shape(state, exact=True).valid
         if not folded.any():
@@ -93,14 +93,22 @@ def search(space: NodeSpace, referee: Referee, state: NodeState, *, whole_quads:
 
 
 def search_all(space: NodeSpace, referee: Referee, states: tuple[NodeState, ...]) -> NodeState:
-    """Search from several states, with and without moving whole quads, until nothing is folded; return the best."""
+    """Search from several states until nothing is folded, then on from the best, with whole quads; return the best."""
+
+    def folded(state: NodeState) -> int:
+        return int((~referee.shape(state, exact=True).valid).sum())
+
     best, fewest = states[0], np.inf
     for whole_quads in (False, True):
         for state in states:
             found = search(space, referee, state, whole_quads=whole_quads)
-            folded = int((~referee.shape(found, exact=True).valid).sum())
-            if folded < fewest:
-                best, fewest = found, folded
-            if not folded:
+            if folded(found) < fewest:
+                best, fewest = found, folded(found)
+            if not fewest:
                 return best
+    for _ in range(MORE_SEARCHES):
+        found = search(space, referee, best, whole_quads=True)
+        if folded(found) >= fewest:
+            break
+        best, fewest = found, folded(found)
     return best

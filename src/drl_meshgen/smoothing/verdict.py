@@ -15,6 +15,8 @@ from drl_meshgen.smoothing.options import SmoothingOptions
 
 FOLDED = 180.0
 """Penalty of a folded quad, in degrees beyond the wanted angles."""
+HOPELESS = 1000.0
+"""The same where places are tried: no gain in angles makes up for a folded quad."""
 JUMP = 20.0
 """Penalty of an area ratio of e times the wanted one, in degrees beyond the wanted angles."""
 SIZE = 20.0
@@ -132,7 +134,7 @@ class Referee:
         shape, (low, high) = shape_of(quads.T, corners.reshape(-1, 3), under.T), self.options.wanted_angles
         angle = outer_angles(shape)
         missed = np.maximum(low - angle, 0).max(axis=0) + np.maximum(angle - high, 0).max(axis=0)
-        return ((missed + FOLDED * ~shape.valid) ** 2).reshape(len(corners), -1).sum(axis=1)
+        return ((missed + HOPELESS * ~shape.valid) ** 2).reshape(len(corners), -1).sum(axis=1)
 
     def bad(self, state: NodeState) -> Bool[np.ndarray, " m"]:
         """Quads beyond the limits of repair."""
