@@ -155,9 +155,9 @@ def test_shortest_paths_close_two_loops_for_each_handle_and_none_separates(name)
     (source,) = finder.sources(1)
     loops = finder.through(source)
     assert len(loops) == 2 * handles
-    for length, loop in loops:
+    for loop in loops:
         assert len(set(loop.tolist())) == len(loop)
-        assert length == pytest.approx(closed_length(mesh.vertices[loop]))
+        assert finder.has(loop)
         assert not separates(mesh, loop)
         assert not mesh.topology.on_boundary[loop].any()
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from drl_meshgen.seams.insertion import Incision
 from drl_meshgen.seams.levels import smooth_loop
-from drl_meshgen.seams.loops import LoopFinder, separates, shortest_loops
+from drl_meshgen.seams.loops import Loop, thinnest_loop
 from drl_meshgen.seams.options import SeamOptions
 from drl_meshgen.seams.waist import waist
 
@@ -14,22 +14,23 @@ ROUNDS = 5
 NODES = 12
 
 
-def cut_handle(incision: Incision, options: SeamOptions) -> Incision | None:
+def cut_handle(incision: Incision, known: list[Loop], options: SeamOptions) -> tuple[Incision | None, list[Loop]]:
     """Cut around the thinnest handle; None where no loop is found that leaves the mesh in one piece.
 
-    Where there are few edges around the handle, or boundaries leave no room, triangles are split first.
+    `known` are loops found for earlier handles; those found now come second. Where there are few edges around the
+    handle, or boundaries leave no room, triangles are split first.
     """
     loop = None
     for _ in range(ROUNDS):
-        mesh = incision.mesh
-        finder = LoopFinder(mesh)
-        loops = shortest_loops(finder, finder.sources(options.sources))
-        loop = next((one for one in loops if not separates(mesh, one)), None)
+        loop, known = thinnest_loop(incision.mesh, known, options.sources)
         if loop is not None:
             break
-        incision, _ = incision.refined(mesh.topology.on_boundary)
-    if loop is None:
-        return None
+        incision, _ = incision.refined(incision.mesh.topology.on_boundary)
+    return (None if loop is None else _around(incision, loop, options)), known
+
+
+def _around(incision: Incision, loop: Loop, options: SeamOptions) -> Incision:
+    """Cut along the best smooth curve around the same handle as `loop`; along the loop where there is none."""
     for _ in range(ROUNDS):
         curve = smooth_loop(incision.mesh, loop, options.levels, NODES) if len(loop) >= NODES else None
         if curve is not None:

@@ -34,8 +34,8 @@ class LoopFinder:
             away = np.where(np.isfinite(distance), np.minimum(away, distance) if chosen[1:] else distance, 0.0)
         return chosen
 
-    def through(self, source: int) -> list[tuple[float, Loop]]:
-        """Length and vertices of the loops that the shortest paths from `source` close, without their common part.
+    def through(self, source: int) -> list[Loop]:
+        """Return the loops that the shortest paths from `source` close, without their common part.
 
         On a surface of genus g they are 2 g, and none of them separates it.
         """
@@ -50,7 +50,14 @@ class LoopFinder:
         left = free & self.inner & np.isfinite(length)
         left[_spanning(self.dual[free], rank[free], np.nonzero(free)[0])] = False
         found = [self._closed(before, int(i), int(j)) for i, j in edges[left]]
-        return [(closed_length(self.mesh.vertices[loop]), loop) for loop in found if len(loop) > 2]
+        return [loop for loop in found if len(loop) > 2]
+
+    def has(self, loop: Loop) -> bool:
+        """Whether all sides of a loop are edges of the mesh and none of its vertices is on the boundary."""
+        topology = self.mesh.topology
+        pairs = np.c_[loop, np.roll(loop, -1)]
+        ids = np.minimum(edge_ids(topology, pairs), len(topology.edges) - 1)
+        return bool(self.reachable[loop].all() and (topology.edges[ids] == np.sort(pairs, axis=1)).all())
 
     @staticmethod
     def _closed(before: np.ndarray, i: int, j: int) -> Loop:
@@ -64,22 +71,32 @@ class LoopFinder:
         return np.array(one + two[-2::-1] if one[-1] == two[-1] else [], np.int64)
 
 
-def shortest_loops(finder: LoopFinder, sources: list[int]) -> list[Loop]:
-    """Non-separating loops from all `sources`, shortest first; the first is shortened from its own vertices."""
-    found = [item for source in sources for item in finder.through(source)]
+def thinnest_loop(mesh: TriMesh, known: list[Loop], sources: int) -> tuple[Loop | None, list[Loop]]:
+    """Find a short loop that does not separate the mesh, and the other loops found on the way, shortest first.
+
+    The search starts from the `known` loops that are still there, or else from `sources` places; then the best loop is
+    shortened from its own vertices. None where there is no loop off the boundary.
+    """
+    finder = LoopFinder(mesh)
+    loops = [loop for loop in known if finder.has(loop)]
+    best = next((loop for loop in loops if not separates(mesh, loop)), None)
+    if best is None:
+        loops = _by_length(mesh, [loop for source in finder.sources(sources) for loop in finder.through(source)])
+        best = next((loop for loop in loops if not separates(mesh, loop)), None)
+    if best is None:
+        return None, loops
     for _ in range(3):
-        best = min(found, key=_order, default=None)
-        if best is None:
-            return []
-        length, loop = best
-        found += [item for k in (0, len(loop) // 2) for item in finder.through(int(loop[k]))]
-        if min(found, key=_order)[0] > 0.99 * length:
+        length = closed_length(mesh.vertices[best])
+        found = [loop for k in (0, len(best) // 2) for loop in finder.through(int(best[k]))]
+        loops = _by_length(mesh, loops + found)
+        best = next(loop for loop in loops if not separates(mesh, loop))
+        if closed_length(mesh.vertices[best]) > 0.99 * length:
             break
-    return [loop for _, loop in sorted(found, key=_order)]
+    return best, loops
 
 
-def _order(item: tuple[float, Loop]) -> tuple[float, int, int]:
-    return item[0], len(item[1]), int(item[1].min())
+def _by_length(mesh: TriMesh, loops: list[Loop]) -> list[Loop]:
+    return sorted(loops, key=lambda loop: (closed_length(mesh.vertices[loop]), len(loop), int(loop.min())))
 
 
 def separates(mesh: TriMesh, loop: Loop) -> bool:

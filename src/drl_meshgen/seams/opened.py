@@ -84,9 +84,9 @@ def _genus(topology: Topology) -> int:
 
 def _opened(mesh: TriMesh, options: SeamOptions, component: int) -> tuple[Incision, list[SeamKind]]:
     """Cut one component open: first around its handles, then around its waist if it is still closed."""
-    incision, kinds = Incision.none(mesh), []
+    incision, kinds, known = Incision.none(mesh), [], []
     while _genus(incision.mesh.topology) > 0:
-        after = cut_handle(incision, options)
+        after, known = cut_handle(incision, known, options)
         if after is None or _genus(after.mesh.topology) >= _genus(incision.mesh.topology):
             detail = f"component {component}: {_genus(incision.mesh.topology)} handles left"
             raise StageError("seams", Outcome.NOT_OPENED, detail)

@@ -14,6 +14,8 @@ from drl_meshgen.seams.loops import weighted
 
 #: Eigenfunctions of the Laplacian whose level sets compete.
 FUNCTIONS = 4
+#: Levels tried between those next to the best one.
+REFINED = 8
 
 
 class _Inverse(LinearOperator):
@@ -49,24 +51,35 @@ def smooth_functions(mesh: TriMesh, count: int) -> Float[np.ndarray, "v k"]:
 def waist(mesh: TriMesh, levels: int, share: float) -> EdgeCurve | None:
     """Find the closed curve of least length per area of the smaller side, at least `share` of the area on both sides.
 
-    Candidates are level sets of the lowest eigenfunctions of the Laplacian with their holes filled. None where the
-    mesh is too coarse for any.
+    Candidates are level sets of the lowest eigenfunctions of the Laplacian with their holes filled: `levels` of them
+    spread over all functions, then some more next to the best. None where the mesh is too coarse for any.
     """
     area = np.bincount(mesh.triangles.ravel(), np.repeat(mesh.areas / 3, 3), len(mesh.vertices))
-    best, chosen = np.inf, None
-    for f in smooth_functions(mesh, FUNCTIONS).T:
-        order = np.argsort(f, kind="stable")
-        below = np.cumsum(area[order]) / area.sum()
-        for target in share + (1 - 2 * share) * (np.arange(levels) + 0.5) / levels:
-            level = float(f[order[min(np.searchsorted(below, target), len(f) - 1)]])
-            inside = halves(mesh, f > level)
-            smaller = min(area[inside].sum(), area[~inside].sum()) / area.sum()
-            if smaller < share:
-                continue
+    area /= area.sum()
+    functions = smooth_functions(mesh, FUNCTIONS)
+    order = np.argsort(functions, axis=0, kind="stable")
+    found: list[tuple[float, int, float, EdgeCurve]] = []
+
+    def attempt(k: int, target: float) -> None:
+        f = functions[:, k]
+        below = np.cumsum(area[order[:, k]])
+        level = float(f[order[min(int(np.searchsorted(below, target)), len(f) - 1), k]])
+        inside = halves(mesh, f > level)
+        smaller = min(area[inside].sum(), area[~inside].sum())
+        if smaller >= share:
             curve = contour(mesh, f, level, inside)
-            if curve.length / smaller < best:
-                best, chosen = curve.length / smaller, curve
-    return chosen
+            found.append((curve.length / smaller, k, target, curve))
+
+    step = (1 - 2 * share) / (levels // FUNCTIONS)
+    for k in range(FUNCTIONS):
+        for n in range(levels // FUNCTIONS):
+            attempt(k, share + (n + 0.5) * step)
+    if not found:
+        return None
+    _, k, target, _ = min(found, key=lambda item: item[:3])
+    for n in range(1, REFINED):
+        attempt(k, target + (2 * n / REFINED - 1) * step)
+    return min(found, key=lambda item: item[:3])[3]
 
 
 def halves(mesh: TriMesh, above: Bool[np.ndarray, " v"]) -> Bool[np.ndarray, " v"]:
