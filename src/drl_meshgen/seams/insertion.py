@@ -46,17 +46,20 @@ class Incision:
         (loop,) = trace(split.chords)
         return Incision(split.mesh, self.parent[split.parent], self.sides).along(loop)
 
-    def refined(self, near: Bool[np.ndarray, " v"], loop: Loop | None = None) -> tuple["Incision", Loop]:
-        """Split the inner edges of the triangles at some vertices at their midpoints; also return the loop after it.
+    def split(self, marked: Bool[np.ndarray, " e"], loops: list[Loop]) -> tuple["Incision", list[Loop]]:
+        """Split inner edges at their midpoints; also return the same loops after it."""
+        topology = self.mesh.topology
+        parts = 1 + marked[topology.face_edges].sum(axis=1)
+        middle = np.where(marked, len(self.mesh.vertices) + np.cumsum(marked) - 1, -1)
+        after = []
+        for loop in loops:
+            both = np.c_[loop, middle[edge_ids(topology, np.c_[loop, np.roll(loop, -1)])]].ravel()
+            after.append(both[both >= 0])
+        return replace(self, mesh=split_edges(self.mesh, marked), parent=np.repeat(self.parent, parts)), after
 
-        Boundaries and cuts stay as they are. Every edge of the loop must be one of those split.
-        """
+    def refined(self, near: Bool[np.ndarray, " v"], loops: list[Loop]) -> tuple["Incision", list[Loop]]:
+        """Split the inner edges of the triangles at some vertices, see `split`; boundaries and cuts stay."""
         topology = self.mesh.topology
         marked = np.zeros(len(topology.edges), bool)
         marked[topology.face_edges[near[self.mesh.triangles].any(axis=1)]] = True
-        marked &= topology.edge_count == 2
-        parts = 1 + marked[topology.face_edges].sum(axis=1)
-        after = replace(self, mesh=split_edges(self.mesh, marked), parent=np.repeat(self.parent, parts))
-        loop = np.array([], np.int64) if loop is None else loop
-        middle = len(self.mesh.vertices) + np.cumsum(marked) - 1
-        return after, np.c_[loop, middle[edge_ids(topology, np.c_[loop, np.roll(loop, -1)])]].ravel()
+        return self.split(marked & (topology.edge_count == 2), loops)

@@ -1,6 +1,6 @@
 """A surface cut open along seams."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -8,9 +8,10 @@ import pandas as pd
 from jaxtyping import Int
 
 from drl_meshgen.errors import StageError
-from drl_meshgen.mesh import TriMesh
+from drl_meshgen.mesh import FeatureCurve, TriMesh
 from drl_meshgen.mesh.topology import Topology
-from drl_meshgen.seams.cuts import cut_handle, cut_waist
+from drl_meshgen.seams.cuts import cut_features, cut_handle, cut_waist
+from drl_meshgen.seams.features import feature_curves
 from drl_meshgen.seams.insertion import Incision
 from drl_meshgen.seams.options import Outcome, SeamOptions
 
@@ -41,36 +42,49 @@ class OpenedSurface:
     """A surface whose components all have genus 0 and a boundary.
 
     `parent (f,)` is the triangle of the given surface for each triangle. `table` has one row per seam: kind,
-    component of the opened mesh on the left, length (model units), number of nodes.
+    component of the opened mesh on the left, length (model units), number of nodes. `features` are all sharp
+    curves of the given surface, cut or not.
     """
 
     mesh: TriMesh
     parent: Int[np.ndarray, " f"]
     seams: tuple[Seam, ...]
     table: pd.DataFrame
+    features: tuple[FeatureCurve, ...] = ()
 
 
-def open_surface(surface: TriMesh, options: SeamOptions | None = None) -> OpenedSurface:
+def open_surface(
+    surface: TriMesh, options: SeamOptions | None = None, sharp: Int[np.ndarray, "k 2"] | None = None
+) -> OpenedSurface:
     """Cut `surface` along closed curves until every component has genus 0 and at least one boundary loop.
 
-    Surfaces that are like that already come back as they are. Raises `StageError` where no seam is found.
+    With a feature angle or given `sharp` edges (vertex pairs), closed sharp curves without corners are cut first.
+    Surfaces with nothing to cut come back as they are. Raises `StageError` where no seam is found.
     """
     options = options or SeamOptions()
-    n, label = surface.topology.components
+    curves = feature_curves(surface, options, sharp)
+    features = tuple(curve for curve, _ in curves)
+    first = cut_features(surface, [v for curve, v in curves if curve.closed and not len(curve.corners)])
+    seams = tuple(Seam(left, right, SeamKind.FEATURE) for left, right in first.sides)
+    mesh = first.mesh
+    n, label = mesh.topology.components
     parts = [np.nonzero(label == c)[0] for c in range(n)]
-    if all(_is_open(surface.topology, part) for part in parts):
-        return OpenedSurface(surface, np.arange(len(surface.triangles)), (), _table(surface, ()))
-    points, triangles, parents, seams, count = [], [], [], [], 0
+    if all(_is_open(mesh.topology, part) for part in parts):
+        return OpenedSurface(mesh, first.parent, seams, _table(mesh, seams), features)
+    points, triangles, parents, opened, count = [], [], [], [], 0
+    place = np.full(len(mesh.vertices), -1)
     for c, part in enumerate(parts):
-        used, ids = np.unique(surface.triangles[part], return_inverse=True)
-        incision, kinds = _opened(TriMesh(surface.vertices[used], ids.reshape(-1, 3)), options, c)
+        used, ids = np.unique(mesh.triangles[part], return_inverse=True)
+        place[used] = count + np.arange(len(used))
+        incision, kinds = _opened(TriMesh(mesh.vertices[used], ids.reshape(-1, 3)), options, c)
         points.append(incision.mesh.vertices)
         triangles.append(incision.mesh.triangles + count)
-        parents.append(part[incision.parent])
-        seams += [Seam(a + count, b + count, kind) for (a, b), kind in zip(incision.sides, kinds, strict=True)]
+        parents.append(first.parent[part[incision.parent]])
+        opened += [Seam(a + count, b + count, kind) for (a, b), kind in zip(incision.sides, kinds, strict=True)]
         count += len(incision.mesh.vertices)
     mesh = TriMesh(np.concatenate(points), np.concatenate(triangles))
-    return OpenedSurface(mesh, np.concatenate(parents), tuple(seams), _table(mesh, tuple(seams)))
+    seams = (*(replace(seam, left=place[seam.left], right=place[seam.right]) for seam in seams), *opened)
+    return OpenedSurface(mesh, np.concatenate(parents), seams, _table(mesh, seams), features)
 
 
 def _is_open(topology: Topology, part: np.ndarray) -> bool:

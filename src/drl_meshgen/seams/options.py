@@ -23,3 +23,7 @@ class SeamOptions:
     """Share of the area that must lie on either side of the seam around a closed surface."""
     feature_angle: float = 0.0
     """Angle between normals (degrees) above which an edge is sharp and kept; 0 keeps none."""
+    feature_length: float = 0.03
+    """Sharp curves with a free end, and networks of them, are noise below this size (share of the diagonal)."""
+    feature_corner: float = 60.0
+    """Turn of a sharp curve (degrees) above which it has a corner there."""
