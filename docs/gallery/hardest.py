@@ -1,19 +1,15 @@
-"""Draw the hardest surfaces of a robustness run on one sheet: `python docs/gallery/hardest.py docs/benchmarks`.
-
-Meshes them again, as a run keeps no meshes; takes minutes.
-"""
+"""Draw the hardest surfaces of a robustness run on one sheet: `python docs/gallery/hardest.py out/robustness`."""
 
 import argparse
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw
 
-from drl_meshgen import MeshgenError, TriMesh, load, run
-from drl_meshgen.benchmarks.examine import Case
-from drl_meshgen.benchmarks.robustness import RANDOM, random_cases
+from drl_meshgen import TriMesh, load
+from drl_meshgen.benchmarks.examine import Case, kept
+from drl_meshgen.benchmarks.robustness import MESHES, RANDOM, random_cases
 from drl_meshgen.benchmarks.summary import HARDEST, SHEET, hardest, write_summary
 from drl_meshgen.benchmarks.tables import records
 from drl_meshgen.export import read_table, replacing
@@ -33,19 +29,17 @@ def case_of(row: dict, models: Path) -> Case:
     return Case(row["kind"], row["surface"], str(path), None, row["remesh"], row["target"])
 
 
-def picture(case: Case) -> np.ndarray:
-    """Draw the blocks of a case, or its triangles where it cannot be meshed."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            done = run(case.source, case.options)
-        except MeshgenError:
-            raw = load(case.source)
-            surface = TriMesh(raw.points, raw.triangles)
-            scene = pictures.Scene(best_view(TriMesh(raw.points, raw.triangles)), TILE)
-            scene.faces(surface.vertices, surface.triangles, lines=0.4)
-            return scene.shoot()
-    return pictures.draw_blocks(done["smoothing"].mesh, best_view(done["cleanup"].surface), long_side=TILE)
+def picture(row: dict, models: Path, work: Path) -> np.ndarray:
+    """Draw the blocks of a row from the mesh the run kept, or the triangles of its surface where there is none."""
+    case = case_of(row, models)
+    found = kept(case, work / MESHES) if row["quads"] > 0 else None
+    if found is not None:
+        mesh, surface = found
+        return pictures.draw_blocks(mesh, best_view(surface), long_side=TILE)
+    raw = load(case.source)
+    scene = pictures.Scene(best_view(TriMesh(raw.points, raw.triangles)), TILE)
+    scene.faces(raw.points, raw.triangles, lines=0.4)
+    return scene.shoot()
 
 
 def caption(row: dict) -> str:
@@ -73,11 +67,12 @@ def main(arguments: list[str] | None = None) -> Path:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="folder with robustness.parquet")
     parser.add_argument("--models", type=Path, default=Path("../shared/models"))
+    parser.add_argument("--work", type=Path, default=Path("out/robustness"), help="folder with the meshes of the run")
     parser.add_argument("--count", type=int, default=HARDEST)
     given = parser.parse_args(arguments)
 
     rows = records(hardest(read_table(given.folder / "robustness.parquet"), given.count))
-    tiles = [picture(case_of(row, given.models)) for row in rows]
+    tiles = [picture(row, given.models, given.work) for row in rows]
     with replacing(given.folder / SHEET) as part:
         sheet(tiles, [caption(row) for row in rows]).save(part, quality=80, optimize=True)
     write_summary(given.folder)

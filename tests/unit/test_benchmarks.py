@@ -9,7 +9,7 @@ import pytest
 from drl_meshgen.benchmarks import examine as examining
 from drl_meshgen.benchmarks import quality, robustness
 from drl_meshgen.benchmarks.columns import FIGURES, RANKED
-from drl_meshgen.benchmarks.examine import FILLED, SPECKS, Case, Status, examine, failure, row
+from drl_meshgen.benchmarks.examine import FILLED, SPECKS, Case, Status, examine, failure, kept, row
 from drl_meshgen.benchmarks.pool import Ended, PoolOptions, run_jobs
 from drl_meshgen.benchmarks.record import Record
 from drl_meshgen.benchmarks.standings import PRINTED, ahead, write_standings
@@ -82,7 +82,11 @@ def test_a_surface_that_goes_through_has_every_figure_and_the_checker_has_the_la
         "sys.exit(4)\n"
     )
     made = random_surface(3)
-    found = examine(case(), checker)
+    found = examine(case(), checker, tmp_path / "meshes")
+    mesh, surface = kept(case(), tmp_path / "meshes")
+    assert len(mesh.mesh.quads) == found["quads"]
+    assert surface.topology.euler == mesh.mesh.topology.euler
+    assert kept(case(4), tmp_path / "meshes") is None
     assert (found["status"], found["sentence"]) == (Status.DEFECTIVE.value, "referee: odd")
     assert (found["genus"], found["loops"], found["components"]) == (made.genus, made.loops, made.components)
     assert found["flaws"] == ", ".join(made.flaws)
@@ -167,8 +171,9 @@ def test_a_robustness_run_writes_tables_in_the_order_of_the_cases_and_goes_on_wh
 ):
     seen = []
 
-    def fake(case, referee):
+    def fake(case, referee, keep):
         assert referee is None
+        assert keep == tmp_path / "work" / robustness.MESHES
         seen.append(case.seed)
         return good(case.seed)
 

@@ -12,7 +12,9 @@ import typer
 from typer.testing import CliRunner
 
 from drl_meshgen import codecs
-from drl_meshgen.benchmarks.robustness import main as robustness
+from drl_meshgen.benchmarks.examine import Status, failure, row
+from drl_meshgen.benchmarks.record import Record
+from drl_meshgen.benchmarks.robustness import random_cases, write_tables
 from drl_meshgen.cli import EXIT_CODES, app
 from drl_meshgen.commands.settings import read_settings
 from drl_meshgen.models import MODELS
@@ -218,19 +220,9 @@ def test_gallery_compares_counts_on_one_partition(capsys):
 
 def test_gallery_draws_the_hardest_on_one_sheet_and_shows_it_in_the_summary(tmp_path):
     hardest = script("docs/gallery/hardest.py")
-    arguments = [
-        "--only",
-        "random",
-        "--seeds",
-        "3:4",
-        "--workers",
-        "1",
-        "--out",
-        str(tmp_path),
-        "--work",
-        str(tmp_path),
-    ]
-    robustness(arguments)
+    cases, record = random_cases(range(3, 4)), Record(tmp_path / "rows.jsonl", "code", resume=False)
+    record.add(cases[0].key, row(cases[0], {}, failure(Status.FAILED, "as an example")) | {"seconds": 1.0})
+    write_tables(tmp_path, cases, record)
     sheet = hardest.main([str(tmp_path), "--count", "1"])
     assert sheet.stat().st_size > 5_000
     assert f"]({sheet.name})" in (tmp_path / "robustness.md").read_text("utf-8")

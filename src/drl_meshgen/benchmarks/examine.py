@@ -16,9 +16,10 @@ from typing import Any
 import pandas as pd
 
 from drl_meshgen.benchmarks.columns import FIGURES
+from drl_meshgen.codecs import FINAL
 from drl_meshgen.errors import InputError, MeshgenError
 from drl_meshgen.export import write_mesh, write_surface_ply
-from drl_meshgen.mesh import TriMesh
+from drl_meshgen.mesh import BlockMesh, TriMesh
 from drl_meshgen.models import load
 from drl_meshgen.models.random_surface import random_surface
 from drl_meshgen.pipeline import MeshOptions, run
@@ -26,6 +27,7 @@ from drl_meshgen.quality import Quality, gate
 from drl_meshgen.quality.structure import boundary_loops
 from drl_meshgen.store import Execution
 
+SURFACE = "surface.ply"
 SPECKS, FILLED = "leave out specks", "fill small holes"
 """Steps of the cleanup that change components and loops on purpose."""
 FACTS = ("genus", "loops", "components", "limbs", "flaws")
@@ -153,14 +155,20 @@ def _lost(known: dict[str, Any], audit: pd.DataFrame, metrics: dict[str, float])
     ]
 
 
-def examine(case: Case, referee: Path | None = None) -> dict[str, Any]:
-    """Mesh one surface, check the result, return its row. Nothing is raised: a failure is a row with its cause."""
+def examine(case: Case, referee: Path | None = None, keep: Path | None = None) -> dict[str, Any]:
+    """Mesh one surface, check the result, return its row. Nothing is raised: a failure is a row with its cause.
+
+    The files of the mesh are left in `keep`, in the folder of the case's key, for `kept`.
+    """
     known: dict[str, Any] = {}
     try:
         known = facts(case)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            verdict = _verdict(known, run(case.source, case.options), referee)
+            done = run(case.source, case.options)
+            if keep is not None:
+                _keep(done, keep / case.key)
+            verdict = _verdict(known, done, referee)
     except InputError as error:
         verdict = failure(Status.REFUSED, "; ".join(text for text in (error.defect, error.remedy) if text))
     except MeshgenError as error:
@@ -171,6 +179,21 @@ def examine(case: Case, referee: Path | None = None) -> dict[str, Any]:
         first = (str(error).strip().splitlines() or [""])[0]
         verdict = failure(Status.CRASHED, f"{type(error).__name__}: {first}")
     return row(case, known, verdict)
+
+
+def _keep(done: Execution, folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    FINAL.write(done["smoothing"], folder)
+    write_surface_ply(folder / SURFACE, done["cleanup"].surface)
+
+
+def kept(case: Case, keep: Path) -> tuple[BlockMesh, TriMesh] | None:
+    """Return mesh and cleaned surface of a case that `examine` kept; None where there is none."""
+    folder = keep / case.key
+    if not (folder / SURFACE).exists():
+        return None
+    raw = load(folder / SURFACE)
+    return FINAL.read(folder).mesh, TriMesh(raw.points, raw.triangles)
 
 
 def failure(status: Status, sentence: str) -> dict[str, Any]:

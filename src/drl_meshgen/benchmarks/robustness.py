@@ -20,6 +20,8 @@ from drl_meshgen.store.source import source_digest
 
 KINDS = ("single", "multi", "closed")
 TARGETS = (2_000, 8_000, 30_000)
+MESHES = "meshes"
+"""Folder beside the rows measured so far that keeps the meshes."""
 RANDOM, RANDOM_TARGET = "random", 2_000
 HEAD = ("surface", "kind", "seed", "remesh", "target")
 COLUMNS = (*HEAD, "status", "sentence", *FACTS, *FIGURES)
@@ -42,10 +44,12 @@ def random_cases(seeds: range) -> list[Case]:
 
 
 def measured(cases: Sequence[Case], record: Record, options: PoolOptions, referee: Path | None) -> None:
-    """Examine the cases that are not in the record yet, and tell about each."""
+    """Examine the cases that are not in the record yet, and tell about each; meshes are kept beside the record."""
     left = [case for case in cases if case.key not in record.rows]
     typer.echo(f"{len(cases)} cases, {len(cases) - len(left)} of them measured before")
-    for n, ended in enumerate(run_jobs(partial(examine, referee=referee), left, options), 1):
+    for n, ended in enumerate(
+        run_jobs(partial(examine, referee=referee, keep=record.path.with_name(MESHES)), left, options), 1
+    ):
         case = left[ended.index]
         found = ended.result or row(case, {}, _unfinished(ended))
         record.add(case.key, found | {"seconds": ended.seconds})
