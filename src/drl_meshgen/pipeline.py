@@ -17,6 +17,7 @@ from drl_meshgen.assembly import AssemblyOptions, LimitOptions, assemble, fill, 
 from drl_meshgen.baselines import Comparison, RivalOptions, compare
 from drl_meshgen.cleanup import CleanupOptions, CleanupResult, clean
 from drl_meshgen.decompose import DecomposeOptions, Layout, decompose
+from drl_meshgen.decompose.zones import held
 from drl_meshgen.lift.inverse import LiftedMesh, inverse_map
 from drl_meshgen.mesh import BlockMesh, TriMesh
 from drl_meshgen.models import RawSurface, existing_file, is_generated, load
@@ -91,7 +92,7 @@ class MeshOptions:
             "sizing": self.sizing,
             "decompose": self.decompose,
             "assembly": self.assembly,
-            "smoothing": self.smoothing,
+            "smoothing": replace(self.smoothing, zones=self.decompose.zones),
         }
 
 
@@ -180,7 +181,11 @@ def _smoothing(inputs: Mapping[str, Any], options: SmoothingOptions) -> FinalMes
     lifted: LiftedMesh = inputs["lift"]
     sizes = inputs["sizing"].at(inputs["decompose"].spacing)
     wanted = None if sizes.uniform else sizes.size
-    result = optimise(inputs["cleanup"].surface, lifted.mesh.mesh, lifted.triangle, options, sizes=wanted)
+    mesh, fixed = lifted.mesh.mesh, None
+    if options.zones:
+        fixed = mesh.irregular.copy()
+        fixed[fixed] = held(mesh.points[mesh.irregular], options.zones)
+    result = optimise(inputs["cleanup"].surface, mesh, lifted.triangle, options, fixed, sizes=wanted)
     return FinalMesh(lifted.mesh.moved(result.points), result)
 
 

@@ -23,6 +23,7 @@ from drl_meshgen.commands.output import (
     write_pictures,
     write_results,
     write_rivals,
+    zone_table,
 )
 from drl_meshgen.errors import InputError, MeshgenError
 from drl_meshgen.models import is_generated
@@ -139,6 +140,8 @@ def _mesh_one(request: Request, source: str, name: str) -> int:
                 write_pictures(folder, done)
     tell(caught)
     typer.echo(verdict(name, quality.metrics, time.perf_counter() - start))
+    if options.decompose.zones:
+        typer.echo(zone_table(options.decompose.zones, done["smoothing"].mesh.mesh).to_string(index=False))
     if request.compare:
         typer.echo(rival_table(done))
     if request.timings:

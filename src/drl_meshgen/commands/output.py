@@ -14,8 +14,9 @@ import pandas as pd
 from drl_meshgen.codecs import COMPARISON
 from drl_meshgen.commands.layout_file import layout_text
 from drl_meshgen.commands.settings import to_toml
-from drl_meshgen.decompose import Description, Layout, describe
+from drl_meshgen.decompose import Description, Layout, Zone, describe
 from drl_meshgen.export import write_block_mesh, write_curves, write_surface, write_surface_ply, write_table
+from drl_meshgen.mesh import QuadMesh
 from drl_meshgen.models import is_generated
 from drl_meshgen.partition import Partition
 from drl_meshgen.pipeline import MeshOptions
@@ -68,6 +69,8 @@ def write_results(folder: Path, done: Execution, options: MeshOptions) -> None:
     write_block_mesh(folder, done["smoothing"].mesh)
     write_surface_ply(folder / "surface.ply", done["cleanup"].surface)
     write_table(folder / "quality.parquet", pd.DataFrame([done["quality"].metrics]))
+    if options.decompose.zones:
+        write_table(folder / "zones.parquet", zone_table(options.decompose.zones, done["smoothing"].mesh.mesh))
     (folder / "options.toml").write_text(to_toml(options), "utf-8")
 
 
@@ -93,6 +96,21 @@ def write_layout_curves(folder: Path, done: Execution, options: MeshOptions) -> 
     write_curves(folder / "layout.vtp", lines, {**arrays, "kind": [edge.kind.value for edge in edges]})
     region = {"region": parts.region.astype(np.int32)}
     write_surface(folder / "layout.vtu", cut, {"depth": parts.surface.depth}, region)
+
+
+def zone_table(zones: tuple[Zone, ...], mesh: QuadMesh) -> pd.DataFrame:
+    """Return one row per zone: irregular nodes `inside`, distance of its centre to the `nearest` (model units)."""
+    nodes = mesh.points[mesh.irregular]
+    rows = [
+        {
+            "zone": k,
+            "kind": zone.kind,
+            "inside": int(zone.contains(nodes).sum()),
+            "nearest": float(zone.distances(nodes).min(initial=np.inf)),
+        }
+        for k, zone in enumerate(zones)
+    ]
+    return pd.DataFrame(rows, columns=["zone", "kind", "inside", "nearest"])
 
 
 def write_rivals(folder: Path, done: Execution) -> None:

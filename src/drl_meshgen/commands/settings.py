@@ -166,6 +166,9 @@ def literal(value: Any) -> str:
     """Return a value as TOML writes it."""
     if isinstance(value, bool):
         return str(value).lower()
+    if is_dataclass(value):
+        items = ((field.name, getattr(value, field.name)) for field in fields(value))
+        return f"{{{', '.join(f'{name} = {literal(item)}' for name, item in items)}}}"
     if isinstance(value, tuple):
         return f"[{', '.join(literal(item) for item in value)}]"
     return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)

@@ -3,5 +3,17 @@
 from drl_meshgen.decompose.described import Description, describe
 from drl_meshgen.decompose.pieces import Cap, Junction, Pieces, Tube
 from drl_meshgen.decompose.stage import DecomposeOptions, Layout, decompose
+from drl_meshgen.decompose.zones import Zone
 
-__all__ = ["Cap", "DecomposeOptions", "Description", "Junction", "Layout", "Pieces", "Tube", "decompose", "describe"]
+__all__ = [
+    "Cap",
+    "DecomposeOptions",
+    "Description",
+    "Junction",
+    "Layout",
+    "Pieces",
+    "Tube",
+    "Zone",
+    "decompose",
+    "describe",
+]

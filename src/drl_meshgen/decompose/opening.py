@@ -11,6 +11,7 @@ from drl_meshgen.decompose.junction import Junction, Rim
 from drl_meshgen.decompose.spine import loop_distances, loop_length, nearest_distance, spine
 from drl_meshgen.decompose.strips import WIDTHS, arc_length, open_strips, strip_graph
 from drl_meshgen.decompose.trial import trial_score
+from drl_meshgen.decompose.zones import Zone, attracted, misfit, repelled
 from drl_meshgen.mesh import TriMesh
 from drl_meshgen.partition import Curve
 from drl_meshgen.partition.cutting import midpoint_refined
@@ -32,8 +33,11 @@ def open_junction(
     exponents: tuple[float, ...],
     *,
     strips: bool,
+    zones: tuple[Zone, ...] = (),
 ) -> Junction | None:
     """Open a region between `curves` (by id) in every way wanted and keep the best; None when there is none.
+
+    Where `zones` are in reach, there are spines that regard them, and how well they are met comes before quality.
 
     There is a spine for each of `exponents` (see `nearest_distance`), and strips where they are wanted and fit (see
     `strip_graph`). `origin` are the ids of the region's vertices on the cut surface.
@@ -41,9 +45,11 @@ def open_junction(
     for _ in range(MOST_REFINEMENTS):
         mesh = midpoint_refined(mesh)
         region = _Region.of(mesh, origin, curves)
-        spines = region.by_spines(exponents)
+        spines = region.by_spines(exponents, zones)
         if spines:
-            return best([*spines, *(region.by_strips() if strips else [])])
+            candidates = [*spines, *(region.by_strips() if strips else [])]
+            misses = [misfit(one.points[one.spine.nodes], mesh.vertices, zones) for one in candidates]
+            return best([one for one, miss in zip(candidates, misses, strict=True) if miss == min(misses)])
     return None
 
 
@@ -53,7 +59,10 @@ def best(candidates: list[Junction]) -> Junction:
     Both rules come from optimising meshes either way for 32 junctions of 19 models: wherever strips were more
     distorted than the limit, the worst angle ended worse; below it the trial nearly always told which is better.
     """
-    chosen = min((c for c in candidates if not c.strips), key=lambda junction: junction.distortion)
+    spines = [c for c in candidates if not c.strips]
+    if not spines:
+        return candidates[0]
+    chosen = min(spines, key=lambda junction: junction.distortion)
     strips = [c for c in candidates if c.strips and c.distortion <= MOST_DISTORTION]
     if not strips:
         return chosen
@@ -85,11 +94,15 @@ class _Region:
         loops = tuple(next(loop for first, loop in of_first.items() if first in met[c]) for c in curves)
         return _Region(mesh, known, tuple(curves), tuple(curves.values()), loops, loop_distances(mesh, loops))
 
-    def by_spines(self, exponents: tuple[float, ...]) -> list[Junction]:
-        """Open along the spine of each exponent that leaves one ring per loop."""
-        junctions = []
-        for exponent in exponents:
-            graph = spine(self.mesh, nearest_distance(self.mesh, self.loops, self.distances, exponent))
+    def by_spines(self, exponents: tuple[float, ...], zones: tuple[Zone, ...] = ()) -> list[Junction]:
+        """Open along the spine of each exponent, and of each that regards `zones`, that leaves one ring per loop."""
+        junctions, points = [], self.mesh.vertices
+        plain = [nearest_distance(self.mesh, self.loops, self.distances, exponent) for exponent in exponents]
+        drawn = (attracted(self.distances, points, zone) for zone in zones)
+        plain += [nearest_distance(self.mesh, self.loops, one, 0.0) for one in drawn if one is not None]
+        pushed = [repelled(distance, points, zones) for distance in plain] if zones else []
+        for distance in (*plain, *(new for old, new in zip(plain, pushed, strict=False) if (new != old).any())):
+            graph = spine(self.mesh, distance)
             found = cells(self.mesh, graph, self.loops)
             if found is not None:
                 placed = tuple(self._placed(cell) for cell in found)

@@ -10,6 +10,7 @@ from drl_meshgen.decompose.cells import Ring, ring_between, submesh
 from drl_meshgen.decompose.junction import Junction
 from drl_meshgen.decompose.opening import open_junction
 from drl_meshgen.decompose.strips import Strip
+from drl_meshgen.decompose.zones import Zone
 from drl_meshgen.errors import StageError
 from drl_meshgen.lift.harmonic import disk_chart
 from drl_meshgen.mesh import TriMesh
@@ -77,7 +78,7 @@ class Pieces:
         return tuple(strip for junction in self.junctions for strip in junction.strips)
 
 
-def pieces(partition: Partition, exponents: tuple[float, ...], *, strips: bool) -> Pieces:
+def pieces(partition: Partition, exponents: tuple[float, ...], *, strips: bool, zones: tuple[Zone, ...] = ()) -> Pieces:
     """Chart every region.
 
     Every junction is opened once for each of `exponents` (see `nearest_distance`), and by `strips` where they are
@@ -98,7 +99,7 @@ def pieces(partition: Partition, exponents: tuple[float, ...], *, strips: bool) 
             tubes.append(Tube((first, second), ring))
         else:
             curves = {c: partition.curves[c] for c in region.loops}
-            junction = open_junction(mesh, ids, curves, exponents, strips=strips)
+            junction = open_junction(mesh, ids, curves, exponents, strips=strips, zones=zones)
             if junction is None:
                 raise StageError("decompose", PieceOutcome.NO_RINGS, f"region {r} with {len(region.loops)} loops")
             junctions.append(junction)

@@ -13,6 +13,7 @@ from drl_meshgen.decompose.lines import Lines, Turning
 from drl_meshgen.decompose.names import Names, name_parts
 from drl_meshgen.decompose.pieces import Cap, Pieces, pieces
 from drl_meshgen.decompose.turning import turned
+from drl_meshgen.decompose.zones import Zone
 from drl_meshgen.errors import InputError, StageError
 from drl_meshgen.partition import Partition
 from drl_meshgen.sizing import SizeField, Sizes
@@ -48,6 +49,9 @@ class DecomposeOptions:
     """Fewest quads between a spine and a loop (count)."""
     least_cap: int = 8
     """Fewest nodes around a cap (count, even)."""
+    zones: tuple[Zone, ...] = ()
+    """Balls and boxes where irregular nodes are wanted or forbidden, tables of `kind`, `centre`, `radius` or `half`
+    (model units); spines of junctions regard them, caps do not."""
     fixed: tuple[tuple[str, int], ...] = ()
     """Counts of named edges and rows of named rings that are given (see `layout.toml`), as a table of names."""
     former: tuple[tuple[str, int], ...] = ()
@@ -76,7 +80,9 @@ def decompose(partition: Partition, options: DecomposeOptions | None = None, fie
     Raises `StageError` (see `pieces`, `solve_counts`).
     """
     options = options or DecomposeOptions()
-    return with_counts(partition, pieces(partition, options.exponents, strips=options.strips), options, field)
+    return with_counts(
+        partition, pieces(partition, options.exponents, strips=options.strips, zones=options.zones), options, field
+    )
 
 
 def with_counts(

@@ -7,6 +7,8 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
 
+from drl_meshgen.decompose.zones import Zone
+
 
 class SmoothingOutcome(Enum):
     """How an optimisation ended."""
@@ -66,6 +68,8 @@ class SmoothingOptions:
     """Most conjugate-gradient iterations of each Gauss-Newton step."""
     step_limit: float = 0.5
     """Longest step of a node, in mean lengths of the edges at it."""
+    zones: tuple[Zone, ...] = ()
+    """Zones near which irregular nodes stay where the layout put them; a run takes those of `decompose.zones`."""
 
     def for_repair(self) -> "SmoothingOptions":
         """Return these options with the limits of repair."""
