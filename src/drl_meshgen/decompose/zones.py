@@ -34,7 +34,7 @@ class Zone:
         away = points - np.array(self.centre)
         if self.half:
             return (np.abs(away) <= np.array(self.half)).all(axis=1)
-        return np.linalg.norm(away, axis=1) <= self.radius
+        return np.asarray(np.linalg.norm(away, axis=1) <= self.radius)
 
     def distances(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
         """Return the distance of points to the centre (model units)."""
