@@ -74,7 +74,7 @@ class MeshOptions:
         return replace(self, decompose=replace(self.decompose, **size))
 
     def fast(self) -> "MeshOptions":
-        """Return these options with less effort: about half the time for somewhat worse quads (decision 0007)."""
+        """Return these options with less effort: about half the time for somewhat worse quads (decision 0012)."""
         decompose = replace(self.decompose, exponents=self.decompose.exponents[:1], strips=False)
         return replace(self, decompose=decompose, smoothing=self.smoothing.fast())
 

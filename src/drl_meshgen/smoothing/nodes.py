@@ -38,7 +38,9 @@ class Chain:
     feature: int
     nodes: Int[np.ndarray, " k"]
     pinned: Bool[np.ndarray, " k"]
-    """Nodes that stay where the curve is nearest to them: its ends and corners."""
+    """Nodes that stay: the ends of the curve and its corners."""
+    s: Float[np.ndarray, " k"]
+    """Where on the curve the nodes start (see `CurveTrack`)."""
 
 
 class NodeSpace:
@@ -85,9 +87,9 @@ class NodeSpace:
             first = slots.stop
         for chain in chains:
             slots = slice(first, first + len(chain.nodes))
-            curve = self._curve[slots] = self.track.n_loops + chain.feature
-            self._start[slots] = self.track.project(mesh.points[chain.nodes], np.array([curve]))[1]
+            self._curve[slots], self._start[slots] = self.track.n_loops + chain.feature, chain.s
             self.pinned[chain.nodes[chain.pinned]] = True
+            self._meet_boundary(chain.nodes, slots)
             first = slots.stop
 
     def _boundary_row(self, row: Int[np.ndarray, " k"]) -> tuple[int, Float[np.ndarray, " k"]]:
@@ -109,6 +111,15 @@ class NodeSpace:
             if not self.pinned[nodes[k]] and limits[0] <= share <= limits[1]:
                 s[k] = corner
                 self.pinned[nodes[k]] = True
+
+    def _meet_boundary(self, row: Int[np.ndarray, " k"], slots: slice) -> None:
+        """Take nodes of a chain that are on the boundary too along it to where the chain has them."""
+        mine = np.arange(slots.start, slots.stop)
+        met = self._slot[row] < slots.start
+        other = self._slot[row[met]]
+        points = self.track.points(self._curve[mine[met]], self._start[mine[met]])
+        for slot, point in zip(other, points, strict=True):
+            self._start[slot] = self.track.project(point[None], self._curve[slot : slot + 1])[1][0]
 
     @property
     def free(self) -> Bool[np.ndarray, " n"]:

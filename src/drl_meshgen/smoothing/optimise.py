@@ -1,13 +1,15 @@
 """The node optimiser: relax, minimise, sharpen, repair; keep the best mesh seen."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float, Int
 
-from drl_meshgen.mesh import QuadMesh, TriMesh
+from drl_meshgen.mesh import FeatureCurve, QuadMesh, TriMesh
 from drl_meshgen.smoothing.energy import QuadEnergy, Residuals, ideal_angles
 from drl_meshgen.smoothing.newton import Observer, minimise
-from drl_meshgen.smoothing.nodes import NodeSpace, NodeState
+from drl_meshgen.smoothing.nodes import Chain, NodeSpace, NodeState
 from drl_meshgen.smoothing.options import SmoothingOptions, SmoothingOutcome, SmoothingResult
 from drl_meshgen.smoothing.patches import reach_of, repair, unfold
 from drl_meshgen.smoothing.relax import sweep
@@ -56,18 +58,29 @@ def optimise(
     fixed: Bool[np.ndarray, " n"] | None = None,
     *,
     sizes: Float[np.ndarray, " v"] | None = None,
+    features: Sequence[FeatureCurve] = (),
+    chains: Sequence[Chain] = (),
 ) -> SmoothingResult:
     """Move the nodes of `mesh` over `surface` until its quads are well shaped; connectivity stays.
 
     `triangle[k]` is the surface triangle that node `k` starts in. Nodes on the mesh's boundary slide along the
     surface's boundary, all others move tangentially and walk from triangle to triangle; `fixed` ones stay.
-    `sizes` are wanted edge lengths at the vertices of the surface, of which only the ratios count.
+    `sizes` are wanted edge lengths at the vertices of the surface, of which only the ratios count. The nodes of
+    `chains` are put on curves of `features` and slide along them (see `optimise_along`).
     The start may hold folded quads. Deterministic. Raises `InputError` if the boundary loops do not match.
     """
     options = options or SmoothingOptions()
     limits = np.radians(options.wanted_angles)
     turn = np.radians(options.corner_turn)
-    space = NodeSpace(surface, mesh, fixed, corner_turn=turn, corner_limits=(limits[0], limits[1]))
+    space = NodeSpace(
+        surface,
+        mesh,
+        fixed,
+        features=features,
+        chains=chains,
+        corner_turn=turn,
+        corner_limits=(limits[0], limits[1]),
+    )
     wanted = None if sizes is None else sizes[surface.triangles]
     energy = QuadEnergy(mesh, options, ideal=ideal_angles(mesh), sizes=wanted)
     referee = Referee(surface, mesh, options, wanted)

@@ -42,8 +42,10 @@ class SmoothingOptions:
     """Dihedral angles at diagonals above this (degrees) are penalised on top."""
     hinge_weights: tuple[float, ...] = (0.0, 3.0, 15.0)
     """Weight of the violation of a limit, relative to a corner angle, one stage of the optimisation after another."""
-    corner_turn: float = 180.0
+    corner_turn: float = 35.0
     """Least turn of the boundary (degrees, over half a quad edge to both sides) that a node is put on; 180 for none."""
+    feature_angles: tuple[float, float] = (25.0, 155.0)
+    """A feature curve is given up where it takes a corner angle at its mesh line outside these limits (degrees)."""
     relax_sweeps: int = 10
     """Local-global sweeps towards well-shaped quads before anything else."""
     newton_steps: tuple[int, ...] = (8, 8, 10)
