@@ -15,6 +15,7 @@ from drl_meshgen.smoothing.patches import reach_of, repair, unfold
 from drl_meshgen.smoothing.relax import sweep
 from drl_meshgen.smoothing.restart import settled
 from drl_meshgen.smoothing.search import search, search_all
+from drl_meshgen.smoothing.settle import settle
 from drl_meshgen.smoothing.verdict import Figures, Referee
 
 
@@ -116,6 +117,9 @@ def optimise(
         record.judge(f"repair {k + 1}", mended)
         final = referee.figures(record.state, exact=True)
     state = record.state
+    if options.settle_rounds and not final.invalid:
+        state = settle(space, energy, referee, state)
+        final = record.restart("settle", state)
     low, high = options.wanted_angles
     if final.invalid:
         outcome = SmoothingOutcome.INVALID

@@ -66,6 +66,10 @@ class SmoothingOptions:
     """Factor by which repair widens the limits of warp and of area ratios (its logarithm): angles come first there."""
     repair_hinge: float = 20.0
     """Weight of the violation of a limit during repair, relative to a corner angle."""
+    deviation: float = 0.3
+    """Nodes move to bumps and creases that are farther than this from the mesh (in mean edge lengths)."""
+    settle_rounds: int = 4
+    """Most rounds of that."""
     cg_iterations: int = 40
     """Most conjugate-gradient iterations of each Gauss-Newton step."""
     step_limit: float = 0.5
@@ -81,7 +85,13 @@ class SmoothingOptions:
     def fast(self) -> "SmoothingOptions":
         """Return these options with fewer steps of each kind."""
         return replace(
-            self, relax_sweeps=5, hinge_weights=(0.0, 6.0), newton_steps=(5, 5), cg_iterations=25, repair_rounds=1
+            self,
+            relax_sweeps=5,
+            hinge_weights=(0.0, 6.0),
+            newton_steps=(5, 5),
+            cg_iterations=25,
+            repair_rounds=1,
+            settle_rounds=0,
         )
 
 
