@@ -27,11 +27,11 @@ def meshed(surface, **options):
 
 
 def test_nodes_go_to_bumps_that_quads_would_bridge(bumpy):
-    plain, settled = meshed(bumpy, settle_rounds=0), meshed(bumpy)
+    plain, settled = meshed(bumpy), meshed(bumpy, settle_rounds=4)
     far = [distances(mesh, mesh.points, samples_of(bumpy))[0].max() for mesh in (plain, settled)]
     assert far[1] < 0.8 * far[0]
 
 
 def test_nothing_moves_where_the_mesh_is_near_the_surface(bumpy):
-    plain, settled = meshed(bumpy, settle_rounds=0), meshed(bumpy, deviation=10.0)
+    plain, settled = meshed(bumpy), meshed(bumpy, settle_rounds=4, deviation=10.0)
     assert plain.points.tobytes() == settled.points.tobytes()

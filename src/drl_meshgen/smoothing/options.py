@@ -68,8 +68,8 @@ class SmoothingOptions:
     """Weight of the violation of a limit during repair, relative to a corner angle."""
     deviation: float = 0.3
     """Nodes move to bumps and creases that are farther than this from the mesh (in mean edge lengths)."""
-    settle_rounds: int = 4
-    """Most rounds of that."""
+    settle_rounds: int = 0
+    """Most rounds of that; 0: nodes stay."""
     cg_iterations: int = 40
     """Most conjugate-gradient iterations of each Gauss-Newton step."""
     step_limit: float = 0.5
@@ -91,7 +91,6 @@ class SmoothingOptions:
             newton_steps=(5, 5),
             cg_iterations=25,
             repair_rounds=1,
-            settle_rounds=0,
         )
 
 
