@@ -159,7 +159,7 @@ class _Trace:
         self, lines: Lines, counts: Sequence[int], turning: Turning, feet: list[list[int]], limit: float
     ) -> None:
         self.lines, self.counts, self.turning, self.feet = lines, counts, turning, feet
-        self.left = limit
+        self.left = limit - len(turning.corners) - len(lines.strips)  # each is a patch, each line in it one more
         self.columns: list[set[int]] = [set() for _ in lines.bands]
         self.cores: list[tuple[set[int], set[int]]] = [(set(), set()) for _ in turning.corners]
         self.strips: list[tuple[set[int], set[int]]] = [(set(), set()) for _ in lines.strips]
@@ -211,6 +211,7 @@ class _Trace:
         if r in (0, m, half, half + m):
             return -1
         across, along = self.cores[band.cap]
+        self.left -= 1
         if r % half < m:  # sides 0 and 2 face each other, so do 1 and 3
             across.add(r if r < half else n - half + m - r)
             r = half + m - r
@@ -237,6 +238,7 @@ class _Trace:
             if at in met:
                 return None
             met.add(at)
+            self.left -= 1
             t, p = count - t, (p + 2) % 4
             k, p, forward = self._across(self.lines.strips[-1 - k][p], k, p)
         return k, self.feet[k][p] + (t if forward else count - t)

@@ -56,7 +56,7 @@ class DecomposeOptions:
     """Counts of named edges and rows of named rings that are given (see `layout.toml`), as a table of names."""
     former: tuple[tuple[str, int], ...] = ()
     """All counts and rows of a layout, as a table of names: what is not fixed stays as close to them as it can."""
-    block_weight: float = 1.0
+    block_weight: float = 0.5
     """What a block of the base complex may cost in distorted counts and twist (in quad edges); 0 turns nothing."""
 
 
@@ -113,9 +113,8 @@ def with_counts(
         spacing *= float(np.sqrt(ratio))
         if abs(ratio - 1) < 0.01:
             break
-    layout = sizing(spacing).layout()
-    ratio = predicted_quads(layout, field.at(spacing)) / options.target_quads
-    return layout if abs(ratio - 1) <= 0.03 else sizing(spacing * float(np.sqrt(ratio))).layout()
+    ratio = predicted_quads(sizing(spacing).layout(turn=False), field.at(spacing)) / options.target_quads
+    return sizing(spacing if abs(ratio - 1) <= 0.03 else spacing * float(np.sqrt(ratio))).layout()
 
 
 def predicted_blocks(layout: Layout) -> int:
@@ -270,15 +269,17 @@ class Sizing:
         """Mean number of columns of each ring."""
         return counts[self.n_edges + self.ring_curves].mean(axis=1)
 
-    def layout(self) -> Layout:
-        """Solve the counts and the rows, and turn bands and caps."""
-        counts, turning = self.solved().astype(np.int64), None
-        if self.options.block_weight > 0 and not self.options.transitions:
+    def layout(self, *, turn: bool = True) -> Layout:
+        """Solve the counts and the rows; with `turn` also turn bands and caps (see `turned`)."""
+        counts, turning, more = self.solved().astype(np.int64), None, 1.0
+        if turn and self.options.block_weight > 0 and not self.options.transitions:
             problem = self.problem()
             if self.former:
                 problem = replace(problem, fixed=tuple(enumerate(counts.tolist())))
+            wanted = self.quads(counts)
             counts, turning = turned(self.partition, self.parts, problem, counts, self.options.block_weight)
-        rows = np.round(self.rows(counts)).astype(np.int64)
+            more = self.quads(counts) / wanted
+        rows = np.round(self.rows(counts) / more).astype(np.int64).clip(min=self.least_rows)
         for ring, value in (self.former_rows | self.fixed_rows).items():
             rows[ring] = value
         split = np.cumsum([0, *(len(junction.cells) for junction in self.parts.junctions)])

@@ -5,10 +5,11 @@ The search is simulated annealing over integers; a candidate is counted in a fra
 """
 
 from cmath import phase, rect
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import inf, log, tau
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -22,9 +23,9 @@ from drl_meshgen.decompose.pieces import Pieces
 from drl_meshgen.partition import Partition
 
 #: Steps of the search.
-STEPS = 3000
-#: Temperature in the beginning (in blocks).
-HEAT = 3.0
+STEPS = 5000
+#: Temperature in the beginning (blocks).
+HEAT = 5.0
 #: Cost of a core that is not square: this times its girth times the squared logarithm of its aspect ratio.
 CORE_COST = 0.125
 #: Cost of twist: this times columns times the squared share of a turn, over the modulus of the band.
@@ -88,6 +89,11 @@ def _landing(places: np.ndarray, corners: np.ndarray, modulus: float) -> Landing
 #: A corner of a cap as a foot of its band and columns after it, so that it keeps its place when counts change.
 _Anchor = tuple[int, int]
 
+#: Groups of edges and by how much their counts change.
+_Move = tuple[tuple[int, int], ...]
+
+T = TypeVar("T")
+
 
 @dataclass(frozen=True)
 class _State:
@@ -142,43 +148,72 @@ class _Search:
         cost = least = self.cost(state)
         if not (self.free_caps or self.double):
             return state
-        draws = 1 - np.random.default_rng(0).random((STEPS, 8))  # above 0, at most 1
+        draws = np.random.default_rng(0).random((STEPS, 8))
         for step, draw in enumerate(draws.tolist()):
-            heat = HEAT * (1 - step / STEPS) ** 2
-            new, limit = self.neighbour(state, draw), cost - heat * log(draw[7])
+            heat = self.weight * HEAT * (1 - step / STEPS) ** 2
+            new, limit = self.neighbour(state, draw), cost - heat * log(1 - draw[7])
             price = self.cost(new, limit)
             if price < limit:
                 state, cost = new, price
                 if cost < least - 1e-9:
                     best, least = state, cost
-        return best
+        return self.polished(best, least)
+
+    def polished(self, state: _State, cost: float) -> _State:
+        """Take every single step that helps, until none does."""
+        better = True
+        while better:
+            better = False
+            for new in self.around(state):
+                price = self.cost(new, cost)
+                if price < cost - 1e-9:
+                    state, cost, better = new, price, True
+                    break
+        return state
+
+    def around(self, state: _State) -> Iterator[_State]:
+        """Yield all states one change of counts, one cap or one step of a shift away."""
+        for move in self.moves:
+            yield self.moved(state, move)
+        for k in self.free_caps:
+            sides = self.lines.ends[self.end_of_cap[k]].sides
+            half = sum(state.counts[e] for e, _ in sides) // 2
+            for foot in range(len(sides)):
+                for m in range(1, half):
+                    yield replace(state, anchors=_put(state.anchors, k, ((foot, 0), (foot, m))))
+        for b in self.double:
+            for step in (-1, 1):
+                yield replace(state, shifts=_put(state.shifts, b, state.shifts[b] + step))
+
+    def moved(self, state: _State, move: _Move, times: int = 1) -> _State:
+        """Change counts `times` over; corners of caps stay with their feet."""
+        counts = list(state.counts)
+        for group, change in move:
+            for edge in self.groups[group]:
+                counts[edge] += times * change
+        return replace(state, counts=tuple(counts))
 
     def neighbour(self, state: _State, draw: list[float]) -> _State:
         """Change counts, the corners of a cap or the shift of a band."""
         kind = draw[0] * 10
         if kind < 5 and self.moves:
-            counts = list(state.counts)
-            for group, change in self.moves[int(draw[1] * len(self.moves))]:
-                for edge in self.groups[group]:
-                    counts[edge] += change
-            return replace(state, counts=tuple(counts))
+            times = (1, 1, 1, 2, 2, 3)[int(draw[2] * 6)]
+            return self.moved(state, self.moves[int(draw[1] * len(self.moves))], times)
         if (kind < 6 or not self.free_caps) and self.double:
             b = self.double[int(draw[1] * len(self.double))]
-            shifts = list(state.shifts)
-            shifts[b] += (-2, -1, 1, 2)[int(draw[2] * 4)]
-            return replace(state, shifts=tuple(shifts))
+            step = (-2, -1, 1, 2)[int(draw[2] * 4)]
+            return replace(state, shifts=_put(state.shifts, b, state.shifts[b] + step))
         if not self.free_caps:
             return state
         k = self.free_caps[int(draw[1] * len(self.free_caps))]
         sides = self.lines.ends[self.end_of_cap[k]].sides
         feet, half = len(sides), sum(state.counts[e] for e, _ in sides) // 2
         one, two = int(draw[2] * feet), int(draw[3] * feet)
-        anchors = list(state.anchors)
         if draw[6] < 0.3:
-            anchors[k] = ((one, 0), (one, 1 + int(draw[4] * (half - 1))))
+            pair = ((one, 0), (one, 1 + int(draw[4] * (half - 1))))
         else:
-            anchors[k] = ((one, _step(draw[4])), (two, _step(draw[5])))
-        return replace(state, anchors=tuple(anchors))
+            pair = ((one, _step(draw[4])), (two, _step(draw[5])))
+        return replace(state, anchors=_put(state.anchors, k, pair))
 
     def cost(self, state: _State, limit: float = inf) -> float:
         """Return the cost of a state: infinite where it is none, some number above `limit` if it is above."""
@@ -230,6 +265,10 @@ class _Search:
         return np.r_[state.counts, around].astype(np.int64)
 
 
+def _put(items: tuple[T, ...], k: int, item: T) -> tuple[T, ...]:
+    return (*items[:k], item, *items[k + 1 :])
+
+
 def _step(draw: float) -> int:
     """Mostly 0, else up to two columns either way."""
     return 0 if draw < 0.6 else (-2, -1, 1, 2)[int((draw - 0.6) / 0.4 * 4) % 4]
@@ -272,9 +311,7 @@ def _groups(lines: Lines, n_edges: int) -> list[tuple[int, ...]]:
     return united(n_edges, [pair for a, b, c, d in lines.strips for pair in ((a, c), (b, d))])
 
 
-def _moves(
-    lines: Lines, groups: list[tuple[int, ...]], fixed: set[int], n_edges: int
-) -> list[tuple[tuple[int, int], ...]]:
+def _moves(lines: Lines, groups: list[tuple[int, ...]], fixed: set[int], n_edges: int) -> list[_Move]:
     """List changes of up to three groups by one, or one by two, that keep all equations and `fixed` counts.
 
     A band that has two ends keeps as many columns at both, one with a cap an even number, one with a fixed curve all.
@@ -306,7 +343,7 @@ def _moves(
 
     free = [g for g, edges in enumerate(groups) if not fixed.intersection(edges)]
     changes = [(g, change) for g in free for change in (1, -1)]
-    moves: list[tuple[tuple[int, int], ...]] = [((g, s),) for g in free for s in (1, -1, 2, -2) if not total([(g, s)])]
+    moves: list[_Move] = [((g, s),) for g in free for s in (1, -1, 2, -2) if not total([(g, s)])]
     by_effect: dict[tuple[tuple[int, int], ...], list[tuple[int, int]]] = {}
     for change in changes:
         by_effect.setdefault(total([change]), []).append(change)
