@@ -15,8 +15,9 @@ from threadpoolctl import threadpool_limits
 from drl_meshgen import codecs
 from drl_meshgen.assembly import AssemblyOptions, LimitOptions, assemble, fill, within
 from drl_meshgen.baselines import Comparison, RivalOptions, compare
+from drl_meshgen.choice import choose
 from drl_meshgen.cleanup import CleanupOptions, CleanupResult, clean
-from drl_meshgen.decompose import DecomposeOptions, Layout, decompose
+from drl_meshgen.decompose import DecomposeOptions, Layout
 from drl_meshgen.decompose.zones import held
 from drl_meshgen.lift.inverse import LiftedMesh, inverse_map
 from drl_meshgen.mesh import BlockMesh, TriMesh
@@ -156,8 +157,8 @@ def _sizing(inputs: Mapping[str, Any], options: SizeOptions) -> Any:
 
 
 def _decompose(inputs: Mapping[str, Any], options: DecomposeOptions) -> Any:
-    """Open junctions along their spines, chart every piece and solve the node counts."""
-    return decompose(inputs["partition"], options, inputs["sizing"])
+    """Open junctions in the way that promises the best quads, chart every piece and solve the node counts."""
+    return choose(inputs["partition"], inputs["sizing"], options)
 
 
 def _subdomain(inputs: Mapping[str, Any], _options: NoOptions) -> Any:
@@ -224,7 +225,7 @@ STAGES: tuple[Stage[Any, Any], ...] = (
     _stage(_ricci, ("seams",), ("drl_meshgen.ricci",), codecs.RICCI, RicciOptions),
     _stage(_partition, ("seams", "ricci"), ("drl_meshgen.partition",), codecs.PARTITION, PartitionOptions),
     _stage(_sizing, ("cleanup",), ("drl_meshgen.sizing",), codecs.SIZING, SizeOptions),
-    _stage(_decompose, ("partition", "sizing"), ("drl_meshgen.decompose",), codecs.LAYOUT, DecomposeOptions),
+    _stage(_decompose, ("partition", "sizing"), ("drl_meshgen.choice",), codecs.LAYOUT, DecomposeOptions),
     _stage(_subdomain, ("partition", "sizing", "decompose"), ("drl_meshgen.assembly",), codecs.SUBDOMAINS),
     _stage(_assembly, ("decompose", "subdomain"), ("drl_meshgen.assembly",), codecs.ASSEMBLY, AssemblyOptions),
     _stage(_lift, ("cleanup", "decompose", "assembly"), ("drl_meshgen.lift",), codecs.LIFTED),

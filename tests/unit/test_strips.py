@@ -5,7 +5,7 @@ import pytest
 
 from drl_meshgen.decompose import opening
 from drl_meshgen.decompose.junction import Rim
-from drl_meshgen.decompose.opening import best, open_junction
+from drl_meshgen.decompose.opening import open_junction, ranked
 from drl_meshgen.decompose.spine import loop_distances
 from drl_meshgen.decompose.strips import WIDTHS, open_strips, strip_graph
 from drl_meshgen.decompose.trial import mean_orthogonality, trial_quads
@@ -30,13 +30,11 @@ def laid(request):
 
 
 def plate_candidates(monkeypatch, k=4, **options):
-    """Candidates that `open_junction` chooses from, on a plate."""
-    seen = []
-    monkeypatch.setattr(opening, "best", lambda found: (seen.extend(found), found[0])[1])
+    """Candidates that `open_junction` ranks, on a plate."""
+    monkeypatch.setattr(opening, "ranked", list)
     mesh = grid(6 * k, 8, k - 1)
     curves = {c: Curve(loop, True, 0.0) for c, loop in enumerate(mesh.topology.loops)}
-    open_junction(mesh, np.arange(len(mesh.vertices)), curves, (0.0, 1.0), **options)
-    return seen
+    return open_junction(mesh, np.arange(len(mesh.vertices)), curves, (0.0, 1.0), **options)
 
 
 def test_k_loops_take_k_minus_two_strips_with_four_corners_each(laid):
@@ -119,11 +117,16 @@ def test_a_plate_is_opened_along_its_spine_where_strips_are_not_wanted(monkeypat
 
 def test_strips_win_on_a_plate_whose_spine_slants_and_lose_when_distorted(monkeypatch):
     found = plate_candidates(monkeypatch, strips=True)
-    assert best(found).strips
+    assert ranked(found)[0].strips
     monkeypatch.setattr(opening, "MOST_DISTORTION", -1.0)
-    chosen = best(found)
-    assert not chosen.strips
-    assert chosen.distortion == min(one.distortion for one in found if not one.strips)
+    distortion = [one.distortion for one in ranked(found)]
+    assert distortion == sorted(one.distortion for one in found if not one.strips)
+
+
+def test_strips_that_lose_the_trial_come_second(monkeypatch):
+    found = plate_candidates(monkeypatch, strips=True)
+    monkeypatch.setattr(opening, "STRIP_MARGIN", 1.0)
+    assert [bool(one.strips) for one in ranked(found)] == [False, True, False]
 
 
 def test_trial_quads_cover_the_junction_whichever_way_it_is_opened(monkeypatch):
@@ -150,7 +153,7 @@ def test_a_plate_with_holes_needs_no_irregular_node():
 
 
 def test_strips_over_caps_make_nodes_of_valence_five(monkeypatch):
-    monkeypatch.setattr(opening, "best", lambda found: next((one for one in found if one.strips), found[0]))
+    monkeypatch.setattr(opening, "ranked", lambda found: tuple(sorted(found, key=lambda one: not one.strips)))
     done = run_on(limbed_disk(3000, 3, 2.5, seed=1), 700, ["lift"])
     pieces, mesh = done["decompose"].pieces, done["lift"].mesh.mesh
     corners = 4 * len(pieces.strips)

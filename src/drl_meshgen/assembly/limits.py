@@ -2,7 +2,7 @@
 
 The search goes from the layout that the options ask for to coarser ones: at every partition first with strips, where
 these are wanted, then without; then the limbs of least persistence are left out. The first layout that fits is taken,
-so nothing is given up that the limits allow.
+so nothing is given up that the limits allow. Only of the first are several ways to open junctions tried.
 """
 
 from collections.abc import Callable, Iterator
@@ -97,8 +97,10 @@ def _candidates(
 ) -> Iterator[tuple[Partition, PartitionOptions, DecomposeOptions]]:
     """Partitions with the options they and the opening of their junctions take, from fine to coarse."""
     opening = replace(opening, fixed=(), former=())
-    plain = replace(opening, transitions=False)
-    openings = tuple(dict.fromkeys((opening, plain, replace(plain, strips=False))))
+    single = replace(opening, candidates=1)
+    plain = replace(single, transitions=False)
+    coarser = (single, plain, replace(plain, strips=False))
+    openings = tuple(dict.fromkeys((opening, *coarser)))
     first: Partition = lay(options, opening, "partition")
     heights = first.merges["persistence"].to_numpy()
     steps = np.unique(np.r_[heights, heights / options.large_share])
@@ -109,6 +111,7 @@ def _candidates(
         if len(partition.regions) != before:
             before = len(partition.regions)
             yield from ((partition, own, one) for one in openings)
+            openings = tuple(dict.fromkeys(coarser))
 
 
 def _least(partition: Partition) -> tuple[int, int]:

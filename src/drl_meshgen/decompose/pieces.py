@@ -1,5 +1,6 @@
 """Pieces of the decomposition: junctions with their cells, tubes and caps, each with a chart."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -78,11 +79,28 @@ class Pieces:
         return tuple(strip for junction in self.junctions for strip in junction.strips)
 
 
-def pieces(partition: Partition, exponents: tuple[float, ...], *, strips: bool, zones: tuple[Zone, ...] = ()) -> Pieces:
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """All regions charted, with every way to open each junction, the most promising first."""
+
+    junctions: tuple[tuple[Junction, ...], ...]
+    tubes: tuple[Tube, ...]
+    caps: tuple[Cap, ...]
+    seams: tuple[tuple[int, int], ...]
+
+    def pieces(self, chosen: Sequence[int]) -> Pieces:
+        """Pieces with the `chosen` candidate of each junction."""
+        junctions = tuple(ways[k] for ways, k in zip(self.junctions, chosen, strict=True))
+        return Pieces(junctions, self.tubes, self.caps, self.seams)
+
+
+def candidates(
+    partition: Partition, exponents: tuple[float, ...], *, strips: bool, zones: tuple[Zone, ...] = ()
+) -> Candidates:
     """Chart every region.
 
     Every junction is opened once for each of `exponents` (see `nearest_distance`), and by `strips` where they are
-    wanted and fit; the best candidate stays (see `open_junction`).
+    wanted and fit (see `open_junction`).
 
     Raises `StageError` when a region does not have the shape that its kind promises.
     """
@@ -99,11 +117,17 @@ def pieces(partition: Partition, exponents: tuple[float, ...], *, strips: bool, 
             tubes.append(Tube((first, second), ring))
         else:
             curves = {c: partition.curves[c] for c in region.loops}
-            junction = open_junction(mesh, ids, curves, exponents, strips=strips, zones=zones)
-            if junction is None:
+            ways = open_junction(mesh, ids, curves, exponents, strips=strips, zones=zones)
+            if not ways:
                 raise StageError("decompose", PieceOutcome.NO_RINGS, f"region {r} with {len(region.loops)} loops")
-            junctions.append(junction)
-    return Pieces(tuple(junctions), tuple(tubes), tuple(caps), partition.seams)
+            junctions.append(ways)
+    return Candidates(tuple(junctions), tuple(tubes), tuple(caps), partition.seams)
+
+
+def pieces(partition: Partition, exponents: tuple[float, ...], *, strips: bool, zones: tuple[Zone, ...] = ()) -> Pieces:
+    """Chart every region, each junction opened in its most promising way (see `candidates`)."""
+    found = candidates(partition, exponents, strips=strips, zones=zones)
+    return found.pieces([0] * len(found.junctions))
 
 
 def _cap(curve: int, mesh: TriMesh, ids: np.ndarray) -> Cap:

@@ -33,7 +33,7 @@ class DecomposeOptions:
     """Wanted number of quads (count); ignored where `target_edge` is given."""
     target_edge: float = 0.0
     """Wanted edge length (model units); 0 derives it from `target_quads`."""
-    exponents: tuple[float, ...] = (0.0, 1.0)
+    exponents: tuple[float, ...] = (0.0, 0.5, 1.0)
     """Powers of a loop's length that its distance is divided by, one candidate spine each (see `nearest_distance`)."""
     spine_weight: float = 1.0
     """How much the spacing along spine edges counts against that around limbs (ratio)."""
@@ -43,6 +43,9 @@ class DecomposeOptions:
     """What a transition must save in the count program to be worth it (in mean weights of a tube)."""
     strips: bool = True
     """Whether junctions are also opened by strips between their loops (see `strip_graph`)."""
+    candidates: int = 3
+    """Most ways to open each junction that are compared by optimising whole layouts, where the first needs repair
+    (count); 1 takes the most promising."""
     least_columns: int = 2
     """Fewest quads along a spine edge, or an edge of a strip (count)."""
     least_rows: int = 2
