@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Int
 
 from drl_meshgen.mesh import BlockMesh
-from drl_meshgen.quality.base_complex import separatrix_edges
+from drl_meshgen.quality.base_complex import components, separatrix_edges, straight_pairs
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,27 +86,65 @@ def along_separatrices(
     """Cut four-sided patches and bands along all mesh lines that begin in an irregular node.
 
     The blocks are the patches of the base complex: each side of one is a whole side of another, or on the boundary.
-    (Only bands with fewer than two such lines are cut in equal parts, so that no block touches itself.)
+    Where such a patch would touch itself, a whole mesh line more is cut along.
     """
-    closed = [band.ids[:, np.arange(band.ids.shape[1] + 1) % band.ids.shape[1]].T for band in bands]
-    mesh = BlockMesh(np.zeros((n_nodes, 3)), (*patches, *closed)).mesh
-    ends = mesh.topology.edges[separatrix_edges(mesh)]
-    cut = np.sort(ends[:, 0] * np.int64(n_nodes) + ends[:, 1])
-
-    def lines(one: np.ndarray, two: np.ndarray) -> list[int]:
-        low, high = np.minimum(one, two), np.maximum(one, two)
-        return np.nonzero(np.isin(low * np.int64(n_nodes) + high, cut))[0].tolist()
-
-    grids = []
-    for grid in patches:
-        i, j = lines(grid[1:-1, 0], grid[1:-1, 1]), lines(grid[0, 1:-1], grid[1, 1:-1])
-        across, along = ([0, *(k + 1 for k in cuts), size - 1] for cuts, size in zip((i, j), grid.shape, strict=True))
-        grids += [grid[a : b + 1, c : d + 1] for a, b in pairwise(across) for c, d in pairwise(along)]
+    lines = _Lines(patches, bands, n_nodes)
     for band in bands:
-        rows = [0, *(k + 1 for k in lines(band.ids[1:-1, 0], band.ids[1:-1, 1])), len(band.ids) - 1]
-        columns = tuple(lines(band.ids[0], band.ids[1]))
-        grids += [grid for a, b in pairwise(rows) for grid in _cut(band.ids[a : b + 1], columns)]
-    return grids
+        if not len(lines.cuts(band.ids[0], band.ids[1])):
+            lines.cut(band.ids[0, 0], band.ids[1, 0])
+    while True:
+        grids = [part for grid in patches for part in _along_lines(grid, lines)]
+        for band in bands:
+            first = int(lines.cuts(band.ids[0], band.ids[1])[0])
+            n = band.ids.shape[1]
+            grids += _along_lines(band.ids[:, np.arange(first, first + n + 1) % n].T, lines)
+        touching = [grid for grid in grids if len(np.unique(grid)) < grid.size]
+        if not touching:
+            return grids
+        for grid in touching:
+            lines.cut(*_middle(grid))
+
+
+class _Lines:
+    """Mesh lines of patches and bands; those of the base complex are cut along from the start."""
+
+    def __init__(
+        self, patches: list[Int[np.ndarray, "ni1 nj1"]], bands: list[Band], n_nodes: int
+    ) -> None:
+        closed = [band.ids[:, np.arange(band.ids.shape[1] + 1) % band.ids.shape[1]].T for band in bands]
+        mesh = BlockMesh(np.zeros((n_nodes, 3)), (*patches, *closed)).mesh
+        edges = mesh.topology.edges
+        self._n_nodes = np.int64(n_nodes)
+        self._code = edges[:, 0] * self._n_nodes + edges[:, 1]
+        self._line = components(len(edges), straight_pairs(mesh))
+        self._is_cut = separatrix_edges(mesh)
+
+    def _edges(self, one: np.ndarray, two: np.ndarray) -> Int[np.ndarray, " k"]:
+        return np.searchsorted(self._code, np.minimum(one, two) * self._n_nodes + np.maximum(one, two))
+
+    def cuts(self, one: Int[np.ndarray, " k"], two: Int[np.ndarray, " k"]) -> Int[np.ndarray, " c"]:
+        """Which of the edges from `one` to `two` are cut along."""
+        return np.nonzero(self._is_cut[self._edges(one, two)])[0]
+
+    def cut(self, one: int, two: int) -> None:
+        """Cut along the whole line that the edge from `one` to `two` is on."""
+        self._is_cut |= self._line == self._line[self._edges(np.array([one]), np.array([two]))]
+
+
+def _along_lines(grid: Int[np.ndarray, "ni1 nj1"], lines: _Lines) -> list[np.ndarray]:
+    i, j = lines.cuts(grid[1:-1, 0], grid[1:-1, 1]), lines.cuts(grid[0, 1:-1], grid[1, 1:-1])
+    across, along = ([0, *(k + 1), size - 1] for k, size in zip((i, j), grid.shape, strict=True))
+    return [grid[a : b + 1, c : d + 1] for a, b in pairwise(across) for c, d in pairwise(along)]
+
+
+def _middle(grid: Int[np.ndarray, "ni1 nj1"]) -> tuple[int, int]:
+    """Edge of a block in the middle between two places that are the same node, across the way from one to the other."""
+    order = np.argsort(grid.ravel(), kind="stable")
+    twice = np.nonzero(np.diff(grid.ravel()[order]) == 0)[0][0]
+    (i, j), (k, l) = (divmod(int(order[twice + s]), grid.shape[1]) for s in (0, 1))
+    if abs(i - k) >= 2:
+        return int(grid[(i + k) // 2, 0]), int(grid[(i + k) // 2, 1])
+    return int(grid[0, (j + l) // 2]), int(grid[1, (j + l) // 2])
 
 
 def _cut(rows: Int[np.ndarray, "r n"], feet: tuple[int, ...]) -> list[np.ndarray]:
