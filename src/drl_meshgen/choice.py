@@ -25,6 +25,9 @@ from drl_meshgen.smoothing.verdict import FOLDED, Figures
 #: What a deviation from the surface by the diagonal of its bounding box counts in a trial (degrees of a worst angle).
 DEVIATION = 300.0
 
+#: What a patch of the base complex counts in a trial (degrees of a worst angle).
+PATCH = 0.1
+
 
 class _Trial(NamedTuple):
     """The candidate of each junction, what is wrong around each (squared degrees), and the shortfall of all quads."""
@@ -40,8 +43,8 @@ def choose(partition: Partition, field: SizeField, options: DecomposeOptions | N
     The most promising candidates (see `ranked`) are taken where a short optimisation leaves nothing to repair.
     Otherwise trial k takes the k-th candidate of every junction, for at most `options.candidates` of them, and a last
     one for each junction the candidate around which the fewest angles were missed. Each is optimised with default
-    options; the one with the least shortfall (see `Figures`), deviation counted in, stays. Where there are zones, which
-    come before quality, nothing is tried.
+    options; the one with the least shortfall (see `Figures`), deviation and blocks counted in, stays. Where there are
+    zones, which come before quality, nothing is tried.
 
     Raises `StageError` where a region or the counts have no solution, `InputError` where fixed counts contradict.
     """
@@ -122,8 +125,9 @@ def _trial(partition: Partition, field: SizeField, layout: Layout, chosen: tuple
     outcome = _Outcome.of(partition, field, layout, SmoothingOptions())
     at = _junction_of_pieces(layout.pieces)[outcome.pieces]
     costs = [float((outcome.missed[(at == j).any(axis=1)] ** 2).sum()) for j in range(len(layout.pieces.junctions))]
-    far = DEVIATION * outcome.quality.metrics["surface_deviation"]
-    return _Trial(chosen, np.array(costs), outcome.figures.shortfall(outcome.options) + far)
+    metrics = outcome.quality.metrics
+    more = DEVIATION * metrics["surface_deviation"] + PATCH * np.nan_to_num(metrics["blocks"])
+    return _Trial(chosen, np.array(costs), outcome.figures.shortfall(outcome.options) + more)
 
 
 def _junction_of_pieces(pieces: Pieces) -> Int[np.ndarray, " p"]:

@@ -69,6 +69,10 @@ class _Positions:
         """Whether the nodes of one of `curves` have their places."""
         return any(self[c] is not None for c in curves)
 
+    def are_one(self, c: int, other: int) -> bool:
+        """Whether two curves have the same nodes."""
+        return bool(self._shared[c] == self._shared[other])
+
     def space_evenly(self, c: int) -> None:
         """Place the nodes of a curve that nothing depends on."""
         self[c] = np.arange(self._counts[c]) / self._counts[c]
@@ -127,8 +131,14 @@ def _align_cell(
     return _meet(relation, theta, positions, c), outer
 
 
-def _meet(relation: LoopMap, theta: Float[np.ndarray, " n"], positions: _Positions, c: int) -> Columns:
-    """Let columns at `theta` meet the nodes of curve `c`, which they place where nobody has."""
+def _meet(
+    relation: LoopMap, theta: Float[np.ndarray, " n"], positions: _Positions, c: int, *, closing: bool = False
+) -> Columns:
+    """Let columns at `theta` meet the nodes of curve `c`, which they place where nobody has.
+
+    With `closing` they come from the same nodes: where a quarter of a turn does it, each goes back to its own, so that
+    mesh lines close instead of spiralling around a handle.
+    """
     n, direction, held = len(theta), relation.direction, positions[c]
     order = _order(n, direction)
     if held is None:
@@ -136,6 +146,8 @@ def _meet(relation: LoopMap, theta: Float[np.ndarray, " n"], positions: _Positio
         return Columns(0, direction, theta)
     given = _rising(relation.to_theta(held)[order])
     shift, turns = best_shift(theta, given)
+    if closing and min(shift, n - shift) <= n / 4:
+        shift, turns = 0, turns + (2 * shift > n)
     met = given[(np.arange(n) + shift) % n] + (np.arange(n) + shift) // n + turns
     return Columns(shift if direction > 0 else (-shift) % n, direction, met)
 
@@ -183,5 +195,6 @@ def _align_tube(layout: Layout, curves: tuple[Curve, ...], positions: _Positions
     held = positions[tube.curves[first]]
     theta = _rising(base.to_theta(np.asarray(held))[_order(n, base.direction)])
     mine = Columns(0, base.direction, theta)
-    theirs = _meet(other, across_transition(theta, far_n), positions, tube.curves[1 - first])
+    closing = positions.are_one(*tube.curves) and base.direction == other.direction
+    theirs = _meet(other, across_transition(theta, far_n), positions, tube.curves[1 - first], closing=closing)
     return (mine, theirs) if first == 0 else (theirs, mine)

@@ -108,9 +108,7 @@ def along_separatrices(
 class _Lines:
     """Mesh lines of patches and bands; those of the base complex are cut along from the start."""
 
-    def __init__(
-        self, patches: list[Int[np.ndarray, "ni1 nj1"]], bands: list[Band], n_nodes: int
-    ) -> None:
+    def __init__(self, patches: list[Int[np.ndarray, "ni1 nj1"]], bands: list[Band], n_nodes: int) -> None:
         closed = [band.ids[:, np.arange(band.ids.shape[1] + 1) % band.ids.shape[1]].T for band in bands]
         mesh = BlockMesh(np.zeros((n_nodes, 3)), (*patches, *closed)).mesh
         edges = mesh.topology.edges

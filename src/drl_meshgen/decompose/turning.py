@@ -22,8 +22,10 @@ from drl_meshgen.decompose.loops import loop_map
 from drl_meshgen.decompose.pieces import Pieces
 from drl_meshgen.partition import Partition
 
-#: Steps of the search.
+#: Steps of each search.
 STEPS = 5000
+#: Searches from the start, each with draws of its own, of which the best counts.
+RESTARTS = 3
 #: Temperature in the beginning (blocks).
 HEAT = 5.0
 #: Cost of a core that is not square: this times its girth times the squared logarithm of its aspect ratio.
@@ -143,12 +145,18 @@ class _Search:
         return _State(counts, tuple(shifts), anchors)
 
     def run(self) -> _State:
-        """Anneal from `start`; return the best state met."""
-        state = best = self.start()
-        cost = least = self.cost(state)
+        """Anneal from `start`, `RESTARTS` times; return the best state met."""
+        state = self.start()
         if not (self.free_caps or self.double):
             return state
-        draws = np.random.default_rng(0).random((STEPS, 8))
+        found = [self.annealed(state, seed) for seed in range(RESTARTS)]
+        return min(found, key=self.cost)
+
+    def annealed(self, state: _State, seed: int) -> _State:
+        """Anneal from `state` with the draws of `seed`; return the best state met."""
+        best, cost = state, self.cost(state)
+        least = cost
+        draws = np.random.default_rng(seed).random((STEPS, 8))
         for step, draw in enumerate(draws.tolist()):
             heat = self.weight * HEAT * (1 - step / STEPS) ** 2
             new, limit = self.neighbour(state, draw), cost - heat * log(1 - draw[7])

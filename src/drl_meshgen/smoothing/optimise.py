@@ -18,6 +18,9 @@ from drl_meshgen.smoothing.search import search, search_all
 from drl_meshgen.smoothing.settle import settle
 from drl_meshgen.smoothing.verdict import Figures, Referee
 
+MOST_SEARCHES = 2
+"""Most rounds of repair that try places for folded quads: what two leave folded has no room."""
+
 
 class _Record:
     """Best state so far and the record of how it was reached."""
@@ -107,7 +110,7 @@ def optimise(
     final = referee.figures(record.state, exact=True)
     for k in range(options.repair_rounds):
         state = record.state
-        if final.invalid:
+        if final.invalid and k < MOST_SEARCHES:
             state = search_all(space, referee, (state, unfinished))
             final = record.restart("search", state)
         if not referee.bad(state).any():
