@@ -43,8 +43,8 @@ def choose(partition: Partition, field: SizeField, options: DecomposeOptions | N
     The most promising candidates (see `ranked`) are taken where a short optimisation leaves nothing to repair.
     Otherwise trial k takes the k-th candidate of every junction, for at most `options.candidates` of them, and a last
     one for each junction the candidate around which the fewest angles were missed. Each is optimised with default
-    options; the one with the least shortfall (see `Figures`), deviation and blocks counted in, stays. Where there are
-    zones, which come before quality, nothing is tried.
+    options, but for the search of places for folded quads; the one with the least shortfall (see `Figures`), deviation
+    and blocks counted in, stays. Where there are zones, which come before quality, nothing is tried.
 
     Raises `StageError` where a region or the counts have no solution, `InputError` where fixed counts contradict.
     """
@@ -122,7 +122,7 @@ class _Outcome(NamedTuple):
 
 
 def _trial(partition: Partition, field: SizeField, layout: Layout, chosen: tuple[int, ...]) -> _Trial:
-    outcome = _Outcome.of(partition, field, layout, SmoothingOptions())
+    outcome = _Outcome.of(partition, field, layout, SmoothingOptions(searches=0))
     at = _junction_of_pieces(layout.pieces)[outcome.pieces]
     costs = [float((outcome.missed[(at == j).any(axis=1)] ** 2).sum()) for j in range(len(layout.pieces.junctions))]
     metrics = outcome.quality.metrics

@@ -18,9 +18,6 @@ from drl_meshgen.smoothing.search import search, search_all
 from drl_meshgen.smoothing.settle import settle
 from drl_meshgen.smoothing.verdict import Figures, Referee
 
-MOST_SEARCHES = 2
-"""Most rounds of repair that try places for folded quads: what two leave folded has no room."""
-
 
 class _Record:
     """Best state so far and the record of how it was reached."""
@@ -104,13 +101,13 @@ def optimise(
             state = unfold(space, energy, referee, state, options)
             record.judge(f"unfold {k + 1}", state)
     unfinished = state
-    if record.rows[-1]["invalid"]:
+    if record.rows[-1]["invalid"] and options.searches:
         unfinished = search(space, referee, state)
         record.judge("search", unfinished)
     final = referee.figures(record.state, exact=True)
     for k in range(options.repair_rounds):
         state = record.state
-        if final.invalid and k < MOST_SEARCHES:
+        if final.invalid and k < options.searches:
             state = search_all(space, referee, (state, unfinished))
             final = record.restart("search", state)
         if not referee.bad(state).any():

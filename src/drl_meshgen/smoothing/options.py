@@ -56,6 +56,8 @@ class SmoothingOptions:
     """Edge-adjacent quads whose areas differ by more than this factor are repaired as well."""
     unfold_rounds: int = 3
     """Most rounds of untangling, in growing patches, each time folded quads are looked for."""
+    searches: int = 2
+    """Most rounds of repair that try places for folded quads, node by node; what two leave folded has no room."""
     repair_rings: int = 4
     """Rings of quads around a bad one that move in its repair."""
     repair_rounds: int = 4
@@ -91,6 +93,7 @@ class SmoothingOptions:
             newton_steps=(5, 5),
             cg_iterations=25,
             repair_rounds=1,
+            searches=1,
         )
 
 
