@@ -5,6 +5,7 @@ taken to the end.
 """
 
 from dataclasses import replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -54,15 +55,19 @@ def choose(partition: Partition, field: SizeField, options: DecomposeOptions | N
     ways = [min(len(junctions), most) for junctions in found.junctions]
     free = replace(options, fixed=(), former=())  # what people change in a layout must not lead to another one
 
-    def tried(chosen: tuple[int, ...]) -> _Trial | None:
+    @cache
+    def laid_out(chosen: tuple[int, ...]) -> Layout | None:
         try:
-            layout = with_counts(partition, found.pieces(chosen), free, field)
+            return with_counts(partition, found.pieces(chosen), free, field)
         except StageError:  # the counts of one way to open a junction may have no solution; those of another may
             return None
-        return _trial(partition, field, layout, chosen)
+
+    def tried(chosen: tuple[int, ...]) -> _Trial | None:
+        layout = laid_out(chosen)
+        return layout and _trial(partition, field, layout, chosen)
 
     chosen = tuple(0 for _ in ways)
-    if max(ways, default=1) > 1 and not _is_fine(partition, field, found.pieces(chosen), free):
+    if max(ways, default=1) > 1 and not _is_fine(partition, field, laid_out(chosen)):
         uniform = [tuple(min(k, n - 1) for n in ways) for k in range(max(ways))]
         trials = [trial for trial in map(tried, uniform) if trial]
         if trials:
@@ -70,16 +75,13 @@ def choose(partition: Partition, field: SizeField, options: DecomposeOptions | N
             mixed = tuple(trials[k].chosen[j] for j, k in enumerate(best))
             last = None if mixed in uniform else tried(mixed)
             chosen = min([*trials, *([last] if last else [])], key=lambda trial: trial.shortfall).chosen
-    return with_counts(partition, found.pieces(chosen), options, field)
+    done = laid_out(chosen) if free == options else None
+    return done or with_counts(partition, found.pieces(chosen), options, field)
 
 
-def _is_fine(partition: Partition, field: SizeField, parts: Pieces, options: DecomposeOptions) -> bool:
-    """Whether a short optimisation leaves nothing to repair."""
-    try:
-        layout = with_counts(partition, parts, options, field)
-    except StageError:
-        return False
-    return _Outcome.of(partition, field, layout, SmoothingOptions().fast()).is_fine
+def _is_fine(partition: Partition, field: SizeField, layout: Layout | None) -> bool:
+    """Whether there is a layout of which a short optimisation leaves nothing to repair."""
+    return layout is not None and _Outcome.of(partition, field, layout, SmoothingOptions().fast()).is_fine
 
 
 class _Outcome(NamedTuple):

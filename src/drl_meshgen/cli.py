@@ -58,6 +58,10 @@ MaxIrregular = Annotated[
 ]
 Fast = Annotated[bool, typer.Option("--fast", help="Half the time, somewhat worse quads.")]
 Remesh = Annotated[bool, typer.Option("--remesh", help="Remesh the input isotropically first.")]
+FeatureAngle = Annotated[
+    float | None,
+    typer.Option(metavar="DEG", min=0, max=180, help="Keep edges sharper than this: mesh lines follow them."),
+]
 Strict = Annotated[bool, typer.Option("--strict", help="Refuse inputs of several components.")]
 StoreFolder = Annotated[
     Path | None, typer.Option("--store", metavar="DIR", file_okay=False, help="Keep stage results here and reuse them.")
@@ -94,6 +98,7 @@ def mesh(
     count: Counts = None,
     blocks: Blocks = None,
     max_irregular: MaxIrregular = None,
+    feature_angle: FeatureAngle = None,
     fast: Fast = False,
     remesh: Remesh = False,
     compare: Annotated[
@@ -126,6 +131,7 @@ def mesh(
             seed,
             blocks=blocks,
             irregular=max_irregular,
+            feature_angle=feature_angle,
             fast=fast,
             remesh=remesh,
             strict=strict,
@@ -162,6 +168,7 @@ def layout(
     count: Counts = None,
     blocks: Blocks = None,
     max_irregular: MaxIrregular = None,
+    feature_angle: FeatureAngle = None,
     fast: Fast = False,
     remesh: Remesh = False,
     strict: Strict = False,
@@ -188,6 +195,7 @@ def layout(
             target_edge,
             blocks=blocks,
             irregular=max_irregular,
+            feature_angle=feature_angle,
             fast=fast,
             remesh=remesh,
             strict=strict,

@@ -27,7 +27,7 @@ from drl_meshgen.quality import Quality, measure
 from drl_meshgen.ricci import RicciOptions, solve
 from drl_meshgen.seams import OpenedSurface, SeamOptions, open_surface
 from drl_meshgen.sizing import SizeOptions, size_field
-from drl_meshgen.smoothing import SmoothingOptions, optimise
+from drl_meshgen.smoothing import SmoothingOptions, optimise_along
 from drl_meshgen.smoothing.final import FinalMesh
 from drl_meshgen.store import Execution, Progress, Stage, Store, execute, memoised
 from drl_meshgen.store.canonical import digest, file_digest
@@ -178,7 +178,7 @@ def _lift(inputs: Mapping[str, Any], _options: NoOptions) -> LiftedMesh:
 
 
 def _smoothing(inputs: Mapping[str, Any], options: SmoothingOptions) -> FinalMesh:
-    """Optimise node positions on the surface."""
+    """Optimise node positions on the surface, with mesh lines on sharp curves where there are any."""
     lifted: LiftedMesh = inputs["lift"]
     sizes = inputs["sizing"].at(inputs["decompose"].spacing)
     wanted = None if sizes.uniform else sizes.size
@@ -186,8 +186,10 @@ def _smoothing(inputs: Mapping[str, Any], options: SmoothingOptions) -> FinalMes
     if options.zones:
         fixed = mesh.irregular.copy()
         fixed[fixed] = held(mesh.points[mesh.irregular], options.zones)
-    result = optimise(inputs["cleanup"].surface, mesh, lifted.triangle, options, fixed, sizes=wanted)
-    return FinalMesh(lifted.mesh.moved(result.points), result)
+    along = optimise_along(
+        inputs["cleanup"].surface, mesh, lifted.triangle, inputs["seams"].features, options, fixed=fixed, sizes=wanted
+    )
+    return FinalMesh(lifted.mesh.moved(along.smoothing.points), along.smoothing, along.share, along.deviation)
 
 
 def _quality(inputs: Mapping[str, Any], _options: NoOptions) -> Quality:
@@ -231,7 +233,7 @@ STAGES: tuple[Stage[Any, Any], ...] = (
     _stage(_lift, ("cleanup", "decompose", "assembly"), ("drl_meshgen.lift",), codecs.LIFTED),
     _stage(
         _smoothing,
-        ("cleanup", "sizing", "decompose", "lift"),
+        ("cleanup", "seams", "sizing", "decompose", "lift"),
         ("drl_meshgen.smoothing",),
         codecs.FINAL,
         SmoothingOptions,

@@ -18,16 +18,21 @@ def write(result: FinalMesh, folder: Path) -> None:
     write_block_mesh(folder, result.mesh)
     write_rows(folder / "nodes.parquet", triangle=result.smoothing.triangle.tolist())
     write_table(folder / "history.parquet", result.smoothing.history)
-    write_facts(folder, outcome=result.smoothing.outcome.name)
+    write_facts(
+        folder,
+        outcome=result.smoothing.outcome.name,
+        feature_share=result.feature_share,
+        feature_deviation=result.feature_deviation,
+    )
 
 
 def read(folder: Path) -> FinalMesh:
     """Read the mesh and how the nodes moved."""
     grid = read_grid(folder / "mesh.vtu")
     triangle = integers(read_table(folder / "nodes.parquet")["triangle"])
-    history, outcome = read_table(folder / "history.parquet"), SmoothingOutcome[read_facts(folder).outcome]
-    result = SmoothingResult(grid.points, triangle, outcome, history)
-    return FinalMesh(BlockMesh(grid.points, grid.grids()), result)
+    history, facts = read_table(folder / "history.parquet"), read_facts(folder)
+    result = SmoothingResult(grid.points, triangle, SmoothingOutcome[facts.outcome], history)
+    return FinalMesh(BlockMesh(grid.points, grid.grids()), result, facts.feature_share, facts.feature_deviation)
 
 
 FINAL = Codec(write, read, __name__)

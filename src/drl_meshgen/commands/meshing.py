@@ -29,6 +29,7 @@ from drl_meshgen.errors import InputError, MeshgenError
 from drl_meshgen.models import is_generated
 from drl_meshgen.pipeline import MeshOptions
 from drl_meshgen.quality import Quality, gate
+from drl_meshgen.smoothing.final import FinalMesh
 from drl_meshgen.store import Execution, Store
 from drl_meshgen.store import Progress as Step
 
@@ -140,6 +141,8 @@ def _mesh_one(request: Request, source: str, name: str) -> int:
                 write_pictures(folder, done)
     tell(caught)
     typer.echo(verdict(name, quality.metrics, time.perf_counter() - start))
+    if done["seams"].features:
+        typer.echo(feature_line(done["smoothing"]))
     if options.decompose.zones:
         typer.echo(zone_table(options.decompose.zones, done["smoothing"].mesh.mesh).to_string(index=False))
     if request.compare:
@@ -173,6 +176,12 @@ def verdict(name: str, metrics: Mapping[str, float], seconds: float) -> str:
         f"{name:<16} {m['quads']:6.0f} quads  {m['named_blocks']:3.0f} blocks  {m['irregular']:3.0f} irregular  "
         f"angles {m['min_angle']:5.1f} to {m['max_angle']:5.1f}  {seconds:6.1f} s"
     )
+
+
+def feature_line(final: FinalMesh) -> str:
+    """Return one line on the sharp curves that mesh lines follow."""
+    share, away = 100 * final.feature_share, final.feature_deviation
+    return f"  sharp edges: mesh lines follow {share:.0f} % of their length, to within {away:.2g} (units of the input)"
 
 
 def rival_table(done: Execution) -> str:

@@ -45,6 +45,7 @@ def chosen(
     *,
     blocks: int | None = None,
     irregular: int | None = None,
+    feature_angle: float | None = None,
     fast: bool = False,
     remesh: bool = False,
     strict: bool = False,
@@ -64,7 +65,8 @@ def chosen(
         options.limits.blocks if blocks is None else blocks,
         options.limits.irregular if irregular is None else irregular,
     )
-    return replace(options, cleanup=cleanup, decompose=decompose, limits=limits, seed=seed)
+    seams = options.seams if feature_angle is None else replace(options.seams, feature_angle=feature_angle)
+    return replace(options, cleanup=cleanup, seams=seams, decompose=decompose, limits=limits, seed=seed)
 
 
 def _count(text: str) -> tuple[str, int]:

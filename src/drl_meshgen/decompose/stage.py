@@ -61,6 +61,8 @@ class DecomposeOptions:
     """All counts and rows of a layout, as a table of names: what is not fixed stays as close to them as it can."""
     block_weight: float = 0.5
     """What a block of the base complex may cost in distorted counts and twist (in quad edges); 0 turns nothing."""
+    turnings: int = 1
+    """Searches for the turning of limbs with the fewest blocks, of which the best counts (count)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,7 +282,9 @@ class Sizing:
             if self.former:
                 problem = replace(problem, fixed=tuple(enumerate(counts.tolist())))
             wanted = self.quads(counts)
-            counts, turning = turned(self.partition, self.parts, problem, counts, self.options.block_weight)
+            counts, turning = turned(
+                self.partition, self.parts, problem, counts, self.options.block_weight, searches=self.options.turnings
+            )
             more = self.quads(counts) / wanted
         rows = np.round(self.rows(counts) / more).astype(np.int64).clip(min=self.least_rows)
         for ring, value in (self.former_rows | self.fixed_rows).items():

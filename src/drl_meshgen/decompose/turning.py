@@ -24,8 +24,6 @@ from drl_meshgen.partition import Partition
 
 #: Steps of each search.
 STEPS = 5000
-#: Searches from the start, each with draws of its own, of which the best counts.
-RESTARTS = 3
 #: Temperature in the beginning (blocks).
 HEAT = 5.0
 #: Cost of a core that is not square: this times its girth times the squared logarithm of its aspect ratio.
@@ -107,15 +105,21 @@ class _State:
 
 
 def turned(
-    partition: Partition, pieces: Pieces, problem: CountProblem, counts: Int[np.ndarray, " n"], weight: float
+    partition: Partition,
+    pieces: Pieces,
+    problem: CountProblem,
+    counts: Int[np.ndarray, " n"],
+    weight: float,
+    *,
+    searches: int = 1,
 ) -> tuple[Int[np.ndarray, " n"], Turning]:
     """Return counts near `counts`, solutions of `problem`, and the turning with the fewest blocks for them.
 
     Counts that the problem fixes stay. `weight` is what a block costs in the units of the problem: length over
-    spacing. Deterministic.
+    spacing. The best of `searches` counts, each with draws of its own. Deterministic.
     """
     search = _Search(partition, pieces, problem, counts, weight)
-    state = search.run()
+    state = search.run(searches)
     return search.solution(state), search.turning(state, search.lines.feet(state.counts))
 
 
@@ -144,12 +148,12 @@ class _Search:
         shifts = [round(self.natural(feet, b)) if b in self.double else 0 for b in range(len(self.lines.bands))]
         return _State(counts, tuple(shifts), anchors)
 
-    def run(self) -> _State:
-        """Anneal from `start`, `RESTARTS` times; return the best state met."""
+    def run(self, searches: int) -> _State:
+        """Anneal from `start` as often as wanted; return the best state met."""
         state = self.start()
         if not (self.free_caps or self.double):
             return state
-        found = [self.annealed(state, seed) for seed in range(RESTARTS)]
+        found = [self.annealed(state, seed) for seed in range(searches)]
         return min(found, key=self.cost)
 
     def annealed(self, state: _State, seed: int) -> _State:

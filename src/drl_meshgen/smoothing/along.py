@@ -12,12 +12,14 @@ from drl_meshgen.smoothing.curves import CurveTrack
 from drl_meshgen.smoothing.features import chains_along
 from drl_meshgen.smoothing.nodes import Chain, NodeSpace
 from drl_meshgen.smoothing.optimise import optimise
-from drl_meshgen.smoothing.options import SmoothingOptions, SmoothingResult
+from drl_meshgen.smoothing.options import SmoothingOptions, SmoothingOutcome, SmoothingResult
 from drl_meshgen.smoothing.verdict import Referee, outer_angles
 from drl_meshgen.smoothing.walk import SurfaceWalker
 
 ROUNDS = 3
 """Most trials, each without the curves that spoiled quads in the one before."""
+ON_CURVE = 1e-6
+"""A row of nodes this close to a feature curve lies on it (fraction of the diagonal)."""
 SAMPLES = 4
 """Points per segment of a feature curve whose distance from the mesh lines is measured."""
 
@@ -42,17 +44,23 @@ def optimise_along(
     features: Sequence[FeatureCurve],
     options: SmoothingOptions | None = None,
     *,
+    fixed: Bool[np.ndarray, " n"] | None = None,
     sizes: Float[np.ndarray, " v"] | None = None,
 ) -> AlongResult:
     """Optimise freely, lay mesh lines on the feature curves (see `chains_along`), optimise on with these sliding.
 
-    A curve is given up where a quad at its line is folded or has an angle outside `options.feature_angles` although
-    the free mesh has not. Raises `InputError` like `optimise`.
+    Curves that have a row of nodes from the start keep it. A curve is given up where a quad at its line is folded or
+    has an angle outside `options.feature_angles` although the free mesh has not. Raises `InputError` like `optimise`.
     """
     options = options or SmoothingOptions()
-    free = optimise(surface, mesh, triangle, options, sizes=sizes)
-    start = QuadMesh(free.points, mesh.quads)
     track = CurveTrack(SurfaceWalker(surface), features)
+    near = ON_CURVE * surface.diagonal
+    rows = chains_along(mesh, track, features)
+    held = tuple(row for row in rows if _away(track, mesh, row).max() < near)
+    free = optimise(surface, mesh, triangle, options, fixed, sizes=sizes, features=features, chains=held)
+    if held and free.outcome is SmoothingOutcome.INVALID:
+        free = optimise(surface, mesh, triangle, options, fixed, sizes=sizes)
+    start = QuadMesh(free.points, mesh.quads)
     chains = chains_along(start, track, features)
     spoiled_before = _spoiled(surface, start, free, options)
     found = free
@@ -60,7 +68,7 @@ def optimise_along(
         if not chains:
             found = free
             break
-        found = optimise(surface, start, free.triangle, options, sizes=sizes, features=features, chains=chains)
+        found = optimise(surface, start, free.triangle, options, fixed, sizes=sizes, features=features, chains=chains)
         spoiled = _spoiled(surface, start, found, options) & ~spoiled_before
         near = np.zeros(len(mesh.points), bool)
         near[mesh.quads[spoiled]] = True
@@ -85,6 +93,11 @@ def _spoiled(
     shape = Referee(surface, moved, options).shape(NodeSpace(surface, moved).start(found.triangle), exact=True)
     angle, (low, high) = outer_angles(shape), options.feature_angles
     return ~shape.valid | (angle < low).any(axis=0) | (angle > high).any(axis=0)
+
+
+def _away(track: CurveTrack, mesh: QuadMesh, chain: Chain) -> Float[np.ndarray, " k"]:
+    """Distance of the nodes of a chain from its curve."""
+    return track.project(mesh.points[chain.nodes], np.array([track.n_loops + chain.feature]))[2]
 
 
 def _distance(feature: FeatureCurve, nodes: Float[np.ndarray, "k 3"]) -> float:

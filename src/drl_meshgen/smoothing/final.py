@@ -12,3 +12,7 @@ class FinalMesh:
 
     mesh: BlockMesh
     smoothing: SmoothingResult
+    feature_share: float = 1.0
+    """Length of the sharp curves that mesh lines follow over that of all (1 where there are none)."""
+    feature_deviation: float = 0.0
+    """Largest distance from such a curve to its mesh line (model units)."""
