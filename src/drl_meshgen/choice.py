@@ -64,17 +64,19 @@ def choose(partition: Partition, field: SizeField, options: DecomposeOptions | N
 
     def tried(chosen: tuple[int, ...]) -> _Trial | None:
         layout = laid_out(chosen)
-        return layout and _trial(partition, field, layout, chosen)
+        return None if layout is None else _trial(partition, field, layout, chosen)
 
     chosen = tuple(0 for _ in ways)
     if max(ways, default=1) > 1 and not _is_fine(partition, field, laid_out(chosen)):
         uniform = [tuple(min(k, n - 1) for n in ways) for k in range(max(ways))]
-        trials = [trial for trial in map(tried, uniform) if trial]
+        trials = [trial for trial in map(tried, uniform) if trial is not None]
         if trials:
             best = np.argmin([trial.costs for trial in trials], axis=0).tolist()
             mixed = tuple(trials[k].chosen[j] for j, k in enumerate(best))
             last = None if mixed in uniform else tried(mixed)
-            chosen = min([*trials, *([last] if last else [])], key=lambda trial: trial.shortfall).chosen
+            if last is not None:
+                trials.append(last)
+            chosen = min(trials, key=lambda trial: trial.shortfall).chosen
     done = laid_out(chosen) if free == options else None
     return done or with_counts(partition, found.pieces(chosen), options, field)
 

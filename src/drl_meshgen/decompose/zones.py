@@ -33,7 +33,7 @@ class Zone:
         """Tell which points lie in the zone."""
         away = points - np.array(self.centre)
         if self.half:
-            return (np.abs(away) <= np.array(self.half)).all(axis=1)
+            return np.asarray((np.abs(away) <= np.array(self.half)).all(axis=1))
         return np.asarray(np.linalg.norm(away, axis=1) <= self.radius)
 
     def distances(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:

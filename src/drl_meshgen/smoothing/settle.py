@@ -40,7 +40,7 @@ def settle(space: NodeSpace, whole: QuadEnergy, referee: Referee, state: NodeSta
             break
         pinned = np.zeros(len(state.points), bool)
         pinned[chosen] = True
-        patch = patch_around(space.mesh, pinned[space.mesh.quads].any(axis=1), RINGS, whole)
+        patch = patch_around(space.mesh, np.asarray(pinned[space.mesh.quads].any(axis=1)), RINGS, whole)
         tried = _walked(space, state, chosen, goal)
         held = space.freeze(tried, patch.moving & ~pinned)
         reach = reach_of(space.mesh, state.points, whole.options.step_limit)
@@ -87,7 +87,7 @@ def _choice(
     """
     gap = np.linalg.norm(state.points[corners] - places[:, None], axis=2)
     apart = APART * reach_of(space.mesh, state.points, 1.0)
-    free = state.tangents.any(axis=2).all(axis=0)
+    free = np.asarray(state.tangents.any(axis=2).all(axis=0))
     gap[~free[corners]] = np.inf
     nearest = np.take_along_axis(corners, np.argsort(gap, axis=1, kind="stable"), axis=1)[:, rank]
     nodes: list[int] = []
