@@ -83,9 +83,9 @@ def test_folded_cells_of_a_non_convex_domain_are_unfolded_without_moving_the_bou
 
 def test_any_policy_may_choose_the_parameters():
     class Straight:
-        def choose(self, domain, *, layers=None, size=None):
-            corners = domain.nodes[::6]
-            return OParameters(0, 6, 6, layers or (2 if size is None else 3), 0.6 * corners, np.zeros((8, 2)))
+        def choose(self, domain, *, layers=None, size=None, **_given):
+            at = domain.nodes[::6]
+            return OParameters(0, 6, 6, layers or (2 if size is None else 3), 0.6 * at, np.zeros((8, 2)))
 
     mesh = fill_cap(circle(24), Straight())
     assert mesh.parameters.singular == pytest.approx(0.6 * circle(24)[::6])

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from drl_meshgen.smoothing.energy import QuadEnergy, Residuals, System
-from drl_meshgen.smoothing.nodes import NodeSpace, NodeState
+from drl_meshgen.smoothing.nodes import NodeSpace, NodeState, shortened
 
 FIRST_DAMPING = 0.01
 EASE, HARDEN = 1 / 3, 4.0
@@ -45,8 +45,7 @@ def minimise(
         accepted = False
         while damping <= MOST_DAMPING and not accepted:
             step = solve(system, damping, energy.options.cg_iterations)
-            length = np.linalg.norm(step, axis=1)
-            step *= np.minimum(1, reach[energy.ids] / np.maximum(length, np.finfo(float).tiny))[:, None]
+            step = shortened(step, reach[energy.ids])
             for _ in range(LOCAL_TRIES):
                 full = np.zeros((len(reach), 2))
                 full[energy.ids] = step

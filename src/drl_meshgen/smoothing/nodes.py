@@ -17,6 +17,12 @@ MAX_APPROACH = 0.4
 """Largest share of the gap to its neighbour that a boundary node may cross in one step."""
 
 
+def shortened(step: Float[np.ndarray, "n 2"], reach: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 2"]:
+    """Return steps of which none is longer than its reach."""
+    length = np.linalg.norm(step, axis=1)
+    return step * np.divide(reach, length, out=np.ones_like(length), where=length > reach)[:, None]
+
+
 @dataclass(frozen=True, eq=False)
 class NodeState:
     """Positions of all nodes with what is needed to move on: all arrays are per node."""

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from drl_meshgen.smoothing.energy import QuadEnergy, Shape, cross, dot, unit
-from drl_meshgen.smoothing.nodes import NodeSpace, NodeState
+from drl_meshgen.smoothing.nodes import NodeSpace, NodeState, shortened
 
 SQUARE = 0.5
 """Share of the best square in the blend with the best rectangle."""
@@ -45,5 +45,5 @@ def sweep(space: NodeSpace, energy: QuadEnergy, state: NodeState, reach: Float[n
     pull = np.stack([np.bincount(at, w, minlength=energy.n_nodes) for w in wish], axis=1) / count[:, None]
     step = np.zeros((len(reach), 2))
     step[energy.ids] = np.einsum("knj,nj->nk", state.tangents[:, energy.ids], pull)
-    step *= np.minimum(1, reach / np.maximum(np.linalg.norm(step, axis=1), np.finfo(float).tiny))[:, None]
+    step = shortened(step, reach)
     return space.moved(state, step)
