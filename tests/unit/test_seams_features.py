@@ -1,5 +1,6 @@
 """Sharp edges: found, chained between corners, cut along where they close."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -8,9 +9,12 @@ import pytest
 from drl_meshgen import codecs
 from drl_meshgen.mesh import TriMesh
 from drl_meshgen.mesh.topology import Topology
+from drl_meshgen.models.surface import RawSurface
+from drl_meshgen.pipeline import STAGES, MeshOptions
 from drl_meshgen.seams import SeamKind, SeamOptions, open_surface
 from drl_meshgen.seams.features import chains, sharp_edges
 from drl_meshgen.seams.loops import closed_length
+from drl_meshgen.store import execute
 from tests.chains import grid
 from tests.solids import side_by_side, sphere, spindle, tapered_torus, voxel_surface
 from tests.strategies import flat_disk
@@ -144,3 +148,18 @@ def test_features_are_written_and_read_without_loss(tmp_path):
         np.testing.assert_array_equal(one.points, two.points)
         np.testing.assert_array_equal(one.corners, two.corners)
         assert one.closed == two.closed
+
+
+def test_finished_mesh_lines_lie_on_the_rims_of_a_cylinder():
+    surface = cylinder()
+    raw = RawSurface("cylinder", surface.vertices, surface.triangles)
+    given = replace(STAGES[0], run=lambda _inputs, _options: raw)
+    options = replace(MeshOptions().sized(700), seams=SHARP)
+    done = execute((given, *STAGES[1:]), options.by_stage("cylinder"))
+    points = done["smoothing"].mesh.points
+    radius = np.linalg.norm(points[:, :2], axis=1)
+    assert done["smoothing"].feature_share == 1
+    assert done["quality"].defects == ()
+    for height in (0, 3):
+        on_rim = (np.abs(points[:, 2] - height) < 1e-9) & (radius > np.cos(np.pi / 32) - 1e-9)
+        assert on_rim.sum() >= 12
