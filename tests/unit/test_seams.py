@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from drl_meshgen.mesh import TriMesh
+from drl_meshgen.mesh.curves import closed_length
 from drl_meshgen.mesh.cutgraph import corners_left_of
 from drl_meshgen.mesh.topology import Topology
 from drl_meshgen.models.reading import read_surface
 from drl_meshgen.seams import SeamKind, open_surface
-from drl_meshgen.seams.loops import LoopFinder, closed_length, separates
+from drl_meshgen.seams.loops import LoopFinder, separates
 from tests.chains import grid
 from tests.solids import pierced_plate, side_by_side, sphere, spindle, tapered_torus, voxel_surface
 from tests.strategies import flat_disk, reordered, rigidly_moved

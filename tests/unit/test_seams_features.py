@@ -8,12 +8,12 @@ import pytest
 
 from drl_meshgen import codecs
 from drl_meshgen.mesh import TriMesh
+from drl_meshgen.mesh.curves import closed_length
 from drl_meshgen.mesh.topology import Topology
 from drl_meshgen.models.surface import RawSurface
 from drl_meshgen.pipeline import STAGES, MeshOptions
 from drl_meshgen.seams import SeamKind, SeamOptions, open_surface
 from drl_meshgen.seams.features import chains, sharp_edges
-from drl_meshgen.seams.loops import closed_length
 from drl_meshgen.store import execute
 from tests.chains import grid
 from tests.solids import side_by_side, sphere, spindle, tapered_torus, voxel_surface

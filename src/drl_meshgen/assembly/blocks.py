@@ -7,7 +7,8 @@ import numpy as np
 from jaxtyping import Int
 
 from drl_meshgen.mesh import BlockMesh
-from drl_meshgen.quality.base_complex import components, separatrix_edges, straight_pairs
+from drl_meshgen.mesh.topology import graph_components
+from drl_meshgen.quality.base_complex import separatrix_edges, straight_pairs
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +115,7 @@ class _Lines:
         edges = mesh.topology.edges
         self._n_nodes = np.int64(n_nodes)
         self._code = edges[:, 0] * self._n_nodes + edges[:, 1]
-        self._line = components(len(edges), straight_pairs(mesh))
+        self._line = graph_components(straight_pairs(mesh), len(edges))
         self._is_cut = separatrix_edges(mesh)
 
     def _edges(self, one: np.ndarray, two: np.ndarray) -> Int[np.ndarray, " k"]:

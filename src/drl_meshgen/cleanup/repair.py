@@ -9,7 +9,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from drl_meshgen.mesh.topology import Topology
+from drl_meshgen.mesh.topology import Topology, graph_components
 
 Triangles = Int[np.ndarray, "m 3"]
 Points = Float[np.ndarray, "n 3"]
@@ -30,8 +30,7 @@ def merged_ids(points: Points, tolerance: float) -> Int[np.ndarray, " n"]:
     pairs = KDTree(points).query_pairs(tolerance, output_type="ndarray")
     if len(pairs) == 0:
         return np.arange(len(points))
-    graph = coo_matrix((np.ones(len(pairs)), pairs.T), (len(points),) * 2)
-    _, label = connected_components(graph, directed=False)
+    label = graph_components(pairs, len(points))
     first = np.full(label.max() + 1, len(points))
     np.minimum.at(first, label, np.arange(len(points)))
     return first[label]

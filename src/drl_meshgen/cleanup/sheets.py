@@ -6,10 +6,8 @@ bounding-box diagonal is 1.
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
-from drl_meshgen.mesh.topology import Topology
+from drl_meshgen.mesh.topology import Topology, graph_components
 
 Triangles = Int[np.ndarray, "m 3"]
 Points = Float[np.ndarray, "n 3"]
@@ -85,8 +83,7 @@ def _directions(points: Points, triangles: Triangles, topology: Topology, sides:
 def _patches(points: Points, triangles: Triangles, topology: Topology) -> tuple[np.ndarray, np.ndarray]:
     """Patch of each triangle, joined through edges of two triangles, and area of each patch."""
     faces = manifold_pairs(topology) // 3
-    graph = coo_matrix((np.ones(len(faces)), faces.T), (len(triangles),) * 2)
-    patch = connected_components(graph, directed=False)[1]
+    patch = graph_components(faces, len(triangles))
     p = points[triangles]
     area = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1) / 2
     return patch, np.bincount(patch, weights=area)
@@ -103,8 +100,8 @@ def split_fans(n_points: int, triangles: Triangles, pairs: Pairs) -> tuple[Trian
         match = np.where(corner[other] == corner[end], other, _following(other))
         links.append(np.c_[end, match])
     link = np.vstack(links)
-    graph = coo_matrix((np.ones(len(link)), link.T), (len(corner),) * 2)
-    n_fans, fan = connected_components(graph, directed=False)
+    fan = graph_components(link, len(corner))
+    n_fans = int(fan.max(initial=-1)) + 1
     if n_fans == len(np.unique(corner)):
         return triangles, np.arange(n_points), 0
     vertex_of_fan = np.empty(n_fans, np.int64)

@@ -8,11 +8,12 @@ from jaxtyping import Float, Int
 
 from drl_meshgen.decompose.cells import Cell, cells
 from drl_meshgen.decompose.junction import Junction, Rim
-from drl_meshgen.decompose.spine import loop_distances, loop_length, nearest_distance, spine
+from drl_meshgen.decompose.spine import loop_distances, nearest_distance, spine
 from drl_meshgen.decompose.strips import WIDTHS, arc_length, open_strips, strip_graph
 from drl_meshgen.decompose.trial import trial_score
 from drl_meshgen.decompose.zones import Zone, attracted, misfit, repelled
 from drl_meshgen.mesh import TriMesh
+from drl_meshgen.mesh.curves import closed_length
 from drl_meshgen.partition import Curve
 from drl_meshgen.partition.cutting import midpoint_refined
 
@@ -111,7 +112,7 @@ class _Region:
 
     def by_strips(self) -> list[Junction]:
         """Open by the widest strips that fit, with the longest loop outside."""
-        outer = int(np.argmax([loop_length(self.mesh, loop) for loop in self.loops]))
+        outer = int(np.argmax([closed_length(self.mesh.vertices[loop]) for loop in self.loops]))
         for width in WIDTHS:
             layout = strip_graph(self.mesh, self.loops, self.distances, outer, width)
             found = layout and open_strips(self.mesh, layout, self.loops, outer)

@@ -15,6 +15,7 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 
 from drl_meshgen.lift.harmonic import corner_weights, factorised, stiffness
 from drl_meshgen.mesh import TriMesh
+from drl_meshgen.mesh.curves import closed_length
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,7 @@ def loop_distances(mesh: TriMesh, loops: tuple[Int[np.ndarray, " n"], ...]) -> F
     """
     matrix = stiffness(mesh, corner_weights(mesh))
     mass = mesh.vertex_areas
-    scale = float(np.median([loop_length(mesh, loop) for loop in loops])) / 12
+    scale = float(np.median([closed_length(mesh.vertices[loop]) for loop in loops])) / 12
     source = np.zeros((len(mass), len(loops)))
     for n, loop in enumerate(loops):
         source[loop, n] = 1.0
@@ -58,16 +59,10 @@ def nearest_distance(
 
     An exponent of 0 gives the cut locus proper; 1 leaves more room to long loops.
     """
-    lengths = np.array([loop_length(mesh, loop) for loop in loops])
+    lengths = np.array([closed_length(mesh.vertices[loop]) for loop in loops])
     distance = (distances / (lengths / lengths.max()) ** exponent).min(1)
     distance[np.concatenate(loops)] = distance.min() - 2 * np.ptp(distance)  # what touches a loop is collapsed first
     return distance
-
-
-def loop_length(mesh: TriMesh, loop: Int[np.ndarray, " n"]) -> float:
-    """Length of a closed curve of vertices (model units)."""
-    p = mesh.vertices[loop]
-    return float(np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1).sum())
 
 
 def spine(mesh: TriMesh, distance: Float[np.ndarray, " v"]) -> Spine:

@@ -17,3 +17,8 @@ class FeatureCurve:
     points: Float[np.ndarray, "k 3"]
     closed: bool
     corners: Int[np.ndarray, " c"]
+
+
+def closed_length(points: Float[np.ndarray, "n 3"]) -> float:
+    """Length of a closed polyline."""
+    return float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).sum())

@@ -7,6 +7,7 @@ import pandas as pd
 from jaxtyping import Bool, Float
 
 from drl_meshgen.mesh import TriMesh
+from drl_meshgen.mesh.curves import closed_length
 from drl_meshgen.partition.join_tree import Arc, JoinTree, Large
 
 
@@ -105,7 +106,7 @@ def choose_levels(
     component = surface.vertex_components
     rims: dict[int, list[float]] = {}
     for loop in surface.topology.loops:
-        rims.setdefault(int(component[loop[0]]), []).append(_loop_length(surface, loop))
+        rims.setdefault(int(component[loop[0]]), []).append(closed_length(surface.vertices[loop]))
     levels: list[Level] = []
     for index, arc in enumerate(tree.arcs):
         faces = np.asarray(np.isin(tree.basin[surface.triangles], arc.tips).any(axis=1))
@@ -157,8 +158,3 @@ def isovalue_table(tree: JoinTree, levels: tuple[Level, ...]) -> pd.DataFrame:
     ]
     columns = ["contour", "isovalue", "reason", "length", "arc", "arc_low", "arc_high", "upper", "lower", "tips"]
     return pd.DataFrame(rows, columns=columns)
-
-
-def _loop_length(surface: TriMesh, loop: np.ndarray) -> float:
-    p = surface.vertices[loop]
-    return float(np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1).sum())

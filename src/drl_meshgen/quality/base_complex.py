@@ -2,16 +2,9 @@
 
 import numpy as np
 from jaxtyping import Bool, Int
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from drl_meshgen.mesh import QuadMesh
-
-
-def components(count: int, pairs: Int[np.ndarray, "p 2"]) -> Int[np.ndarray, " count"]:
-    """Return the component label of each of `count` items joined in `pairs`."""
-    graph = coo_matrix((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), (count, count))
-    return connected_components(graph, directed=False)[1]
+from drl_meshgen.mesh.topology import graph_components
 
 
 def straight_pairs(mesh: QuadMesh) -> Int[np.ndarray, "p 2"]:
@@ -42,7 +35,7 @@ def separatrix_edges(mesh: QuadMesh) -> Bool[np.ndarray, " e"]:
     t = mesh.topology
     special = mesh.irregular | (t.on_boundary & (t.valence != 2) & (t.valence != 3))
     interior = t.edge_count > 1
-    line = components(len(t.edges), straight_pairs(mesh))
+    line = graph_components(straight_pairs(mesh), len(t.edges))
     cut = np.zeros(len(t.edges), bool)
     cut[line[interior & special[t.edges].any(axis=1)]] = True
     return cut[line] & interior
@@ -52,4 +45,4 @@ def base_complex(mesh: QuadMesh) -> Int[np.ndarray, " m"]:
     """Return the patch of each quad: the mesh cut along all its separatrices. Manifold, oriented meshes only."""
     t = mesh.topology
     joined = (t.edge_count == 2) & ~separatrix_edges(mesh)
-    return components(len(mesh.quads), t.edge_faces[joined])
+    return graph_components(t.edge_faces[joined], len(mesh.quads))

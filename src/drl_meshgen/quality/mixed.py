@@ -6,8 +6,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Int
 
-from drl_meshgen.mesh.topology import Topology
-from drl_meshgen.quality.base_complex import components
+from drl_meshgen.mesh.topology import Topology, graph_components
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +70,7 @@ class MixedTopology:
         order = np.argsort(self._edges[1].ravel(), kind="stable")
         edge, face = self._edges[1].ravel()[order], self._sides[2][order]
         same = np.nonzero(edge[1:] == edge[:-1])[0]
-        label = components(len(self.quads) + len(self.triangles), np.c_[face[same], face[same + 1]])
+        label = graph_components(np.c_[face[same], face[same + 1]], len(self.quads) + len(self.triangles))
         return int(label.max()) + 1, label
 
 

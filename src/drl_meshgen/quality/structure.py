@@ -4,15 +4,14 @@ import numpy as np
 from jaxtyping import Int
 
 from drl_meshgen.mesh import QuadMesh, TriMesh
-from drl_meshgen.mesh.topology import Topology
-from drl_meshgen.quality.base_complex import components
+from drl_meshgen.mesh.topology import Topology, graph_components
 from drl_meshgen.quality.mixed import Outline
 
 
 def boundary_loops(topology: Outline) -> int:
     """Return the number of connected pieces of the boundary (also where it is not a simple curve)."""
     ids, local = np.unique(topology.boundary_edges, return_inverse=True)
-    return len(np.unique(components(len(ids), local.reshape(-1, 2))))
+    return len(np.unique(graph_components(local.reshape(-1, 2), len(ids))))
 
 
 def pinched_nodes(topology: Topology) -> Int[np.ndarray, " p"]:
@@ -26,7 +25,7 @@ def pinched_nodes(topology: Topology) -> Int[np.ndarray, " p"]:
     for end in range(2):
         here = [(faces[pair[:, f]] == ends[:, end, None]).argmax(axis=1) + k * pair[:, f] for f in range(2)]
         links.append(np.c_[here[0], here[1]])
-    fan = components(faces.size, np.concatenate(links))
+    fan = graph_components(np.concatenate(links), faces.size)
     node_of_fan = np.unique(np.c_[faces.ravel(), fan], axis=0)[:, 0]
     return np.nonzero(np.bincount(node_of_fan, minlength=topology.n_vertices) > 1)[0]
 
@@ -51,7 +50,7 @@ def unstructured_blocks(mesh: QuadMesh, block: Int[np.ndarray, " m"]) -> Int[np.
     euler = per_block(owner) - per_block(edge_owner) + per_block(part)
     piece = np.unique(np.c_[part, t.components[1]], axis=0)[:, 0]
     rim_ids, rim = np.unique(t.boundary_edges, return_inverse=True)
-    loop = np.unique(np.c_[owner[rim_ids], components(len(rim_ids), rim.reshape(-1, 2))], axis=0)[:, 0]
+    loop = np.unique(np.c_[owner[rim_ids], graph_components(rim.reshape(-1, 2), len(rim_ids))], axis=0)[:, 0]
     faces_at = np.bincount(t.faces.ravel(), minlength=len(nodes))
     odd = np.where(t.on_boundary, faces_at > 2, faces_at != 4)
     grid = (per_block(piece) == 1) & (euler == 1) & (per_block(loop) == 1) & (per_block(owner[odd]) == 0)

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_matrix, csc_matrix
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 
 from drl_meshgen.lift.harmonic import corner_weights, factorised, jump_load, stiffness
 from drl_meshgen.mesh import TriMesh
 from drl_meshgen.mesh.cutgraph import corners_left_of
 from drl_meshgen.mesh.splitting import CLEARANCE, crossing
+from drl_meshgen.mesh.topology import graph_components
 from drl_meshgen.seams.loops import Loop, count_parts, weighted
 
 
@@ -51,7 +52,8 @@ class CircleFunction:
         number = np.cumsum(crossed) - 1
         mixed = through.any(axis=1)
         chords = number[topology.face_edges[mixed][through[mixed]]].reshape(-1, 2)
-        n, label = connected_components(weighted(chords, np.ones(len(chords)), len(ids)), directed=False)
+        label = graph_components(chords, len(ids))
+        n = int(label.max(initial=-1)) + 1
         length = np.bincount(
             label[chords[:, 0]], np.linalg.norm(points[chords[:, 0]] - points[chords[:, 1]], axis=1), n
         )

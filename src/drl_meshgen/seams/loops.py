@@ -3,10 +3,11 @@
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
+from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
 from drl_meshgen.mesh import TriMesh
-from drl_meshgen.mesh.topology import Topology
+from drl_meshgen.mesh.curves import closed_length
+from drl_meshgen.mesh.topology import Topology, graph_components
 
 Loop = Int[np.ndarray, " n"]
 
@@ -116,17 +117,12 @@ def edge_ids(topology: Topology, pairs: Int[np.ndarray, "n 2"]) -> Int[np.ndarra
 
 def count_parts(pairs: Int[np.ndarray, "e 2"], n: int) -> int:
     """Count the connected components of a graph of `n` nodes."""
-    return int(connected_components(weighted(pairs, np.ones(len(pairs)), n), directed=False)[0])
+    return int(graph_components(pairs, n).max(initial=-1)) + 1
 
 
 def weighted(pairs: Int[np.ndarray, "e 2"], weight: Float[np.ndarray, " e"], n: int) -> csr_matrix:
     """Graph of `n` nodes with weighted edges."""
     return csr_matrix((weight, (pairs[:, 0], pairs[:, 1])), (n, n))
-
-
-def closed_length(points: Float[np.ndarray, "n 3"]) -> float:
-    """Length of a closed polyline."""
-    return float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).sum())
 
 
 def _capped_dual(topology: Topology) -> Int[np.ndarray, "e 2"]:

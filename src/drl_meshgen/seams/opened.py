@@ -9,6 +9,7 @@ from jaxtyping import Int
 
 from drl_meshgen.errors import StageError
 from drl_meshgen.mesh import FeatureCurve, TriMesh
+from drl_meshgen.mesh.curves import closed_length
 from drl_meshgen.mesh.topology import Topology
 from drl_meshgen.seams.cuts import cut_features, cut_handle, cut_waist
 from drl_meshgen.seams.features import feature_curves
@@ -119,8 +120,7 @@ def _table(mesh: TriMesh, seams: tuple[Seam, ...]) -> pd.DataFrame:
     start, around = mesh.vertex_triangles
     rows = []
     for n, seam in enumerate(seams):
-        p = mesh.vertices[seam.left]
-        length = float(np.linalg.norm(np.roll(p, -1, axis=0) - p, axis=1).sum())
+        length = closed_length(mesh.vertices[seam.left])
         component = int(label[around[start[seam.left[0]]]])
-        rows.append((n, seam.kind.value, component, length, len(p)))
+        rows.append((n, seam.kind.value, component, length, len(seam.left)))
     return pd.DataFrame(rows, columns=["seam", "kind", "component", "length", "nodes"])

@@ -3,14 +3,13 @@
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.sparse import diags_array
-from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh
 
 from drl_meshgen.lift.harmonic import corner_weights, factorised, stiffness
 from drl_meshgen.mesh import TriMesh
 from drl_meshgen.mesh.splitting import CLEARANCE, crossing
+from drl_meshgen.mesh.topology import graph_components
 from drl_meshgen.seams.levels import EdgeCurve
-from drl_meshgen.seams.loops import weighted
 
 #: Eigenfunctions of the Laplacian whose level sets compete.
 FUNCTIONS = 4
@@ -90,7 +89,7 @@ def halves(mesh: TriMesh, above: Bool[np.ndarray, " v"]) -> Bool[np.ndarray, " v
 
 def _largest(mesh: TriMesh, flag: Bool[np.ndarray, " v"]) -> Bool[np.ndarray, " v"]:
     edges = mesh.topology.edges[flag[mesh.topology.edges].all(axis=1)]
-    label = connected_components(weighted(edges, np.ones(len(edges)), len(flag)), directed=False)[1]
+    label = graph_components(edges, len(flag))
     return flag & (label == np.argmax(np.bincount(label[flag], minlength=1)))
 
 
