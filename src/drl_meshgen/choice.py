@@ -1,7 +1,7 @@
 """The choice between ways to open junctions: whole layouts are filled, optimised and judged by their worst quads.
 
 Neither the layout nor a few steps of the optimiser tell well which candidate ends best (decision 0015), so each is
-taken to the end.
+taken nearly to the end.
 """
 
 from dataclasses import replace
@@ -19,6 +19,7 @@ from drl_meshgen.errors import StageError
 from drl_meshgen.lift.inverse import inverse_map
 from drl_meshgen.partition import Partition
 from drl_meshgen.quality import Quality, measure
+from drl_meshgen.quality.closest import TriangleSearch
 from drl_meshgen.sizing import SizeField
 from drl_meshgen.smoothing import SmoothingOptions, optimise
 from drl_meshgen.smoothing.verdict import FOLDED, Figures
@@ -29,23 +30,33 @@ DEVIATION = 300.0
 #: What a patch of the base complex counts in a trial (degrees of a worst angle).
 PATCH = 0.1
 
+#: Points at which the deviation of a trial is measured, to and from the surface.
+SAMPLES = 2000
+
+#: A layout is as good as needed where its worst quads miss the wanted limits by no more than this (degrees).
+ENOUGH = 5.5
+
 
 class _Trial(NamedTuple):
-    """The candidate of each junction, what is wrong around each (squared degrees), and the shortfall of all quads."""
+    """A candidate of each junction, taken to the end."""
 
     chosen: tuple[int, ...]
     costs: Float[np.ndarray, " j"]
+    """What is wrong around each junction (squared degrees)."""
     shortfall: float
+    """What is wrong with the whole (degrees)."""
+    is_enough: bool
+    """Whether a better layout would not be worth the time."""
 
 
 def choose(partition: Partition, field: SizeField, options: DecomposeOptions | None = None) -> Layout:
     """Open every junction in the way that ends in the best quads, and find node counts for the sizes of `field`.
 
-    The most promising candidates (see `ranked`) are taken where a short optimisation leaves nothing to repair.
-    Otherwise trial k takes the k-th candidate of every junction, for at most `options.candidates` of them, and a last
-    one for each junction the candidate around which the fewest angles were missed. Each is optimised with default
-    options, but for the search of places for folded quads; the one with the least shortfall (see `Figures`), deviation
-    and blocks counted in, stays. Where there are zones, which come before quality, nothing is tried.
+    Trial k takes the k-th candidate of every junction, the most promising first (see `ranked`), for at most
+    `options.candidates` of them, and a last one for each junction the candidate around which the fewest angles were
+    missed. Each is optimised with `trial_options`. The first that is as good as needed stays, else the one with the
+    least shortfall (see `Figures`), deviation and blocks counted in. Where there are zones, which come before quality,
+    nothing is tried.
 
     Raises `StageError` where a region or the counts have no solution, `InputError` where fixed counts contradict.
     """
@@ -54,6 +65,7 @@ def choose(partition: Partition, field: SizeField, options: DecomposeOptions | N
     most = 1 if options.zones else options.candidates
     ways = [min(len(junctions), most) for junctions in found.junctions]
     free = replace(options, fixed=(), former=())  # what people change in a layout must not lead to another one
+    search = TriangleSearch(field.surface.corners)
 
     @cache
     def laid_out(chosen: tuple[int, ...]) -> Layout | None:
@@ -62,76 +74,67 @@ def choose(partition: Partition, field: SizeField, options: DecomposeOptions | N
         except StageError:  # the counts of one way to open a junction may have no solution; those of another may
             return None
 
-    def tried(chosen: tuple[int, ...]) -> _Trial | None:
+    trials: list[_Trial] = []
+
+    def tried(chosen: tuple[int, ...]) -> bool:
+        """Add a trial, if there are counts for it; return whether it is the last that is needed."""
         layout = laid_out(chosen)
-        return None if layout is None else _trial(partition, field, layout, chosen)
+        if layout is not None:
+            trials.append(_trial(partition, field, layout, chosen, search))
+        return layout is not None and trials[-1].is_enough
 
     chosen = tuple(0 for _ in ways)
-    if max(ways, default=1) > 1 and not _is_fine(partition, field, laid_out(chosen)):
+    if max(ways, default=1) > 1:
         uniform = [tuple(min(k, n - 1) for n in ways) for k in range(max(ways))]
-        trials = [trial for trial in map(tried, uniform) if trial is not None]
-        if trials:
+        if not any(map(tried, uniform)) and trials:
             best = np.argmin([trial.costs for trial in trials], axis=0).tolist()
             mixed = tuple(trials[k].chosen[j] for j, k in enumerate(best))
-            last = None if mixed in uniform else tried(mixed)
-            if last is not None:
-                trials.append(last)
-            chosen = min(trials, key=lambda trial: trial.shortfall).chosen
+            if mixed not in uniform:
+                tried(mixed)
+        if trials:
+            chosen = trials[-1].chosen if trials[-1].is_enough else min(trials, key=lambda one: one.shortfall).chosen
     done = laid_out(chosen) if free == options else None
     return done or with_counts(partition, found.pieces(chosen), options, field)
 
 
-def _is_fine(partition: Partition, field: SizeField, layout: Layout | None) -> bool:
-    """Whether there is a layout of which a short optimisation leaves nothing to repair."""
-    return layout is not None and _Outcome.of(partition, field, layout, SmoothingOptions().fast()).is_fine
+def trial_options() -> SmoothingOptions:
+    """Return the options of trials: they end as the whole optimisation does, but mend little.
+
+    What is still folded after one round of mending is left so: such a layout has no room.
+    """
+    return replace(SmoothingOptions(), searches=0, unfold_rounds=1, repair_rounds=1)
 
 
-class _Outcome(NamedTuple):
-    """What becomes of the quads of a layout, and the pieces that the corners of each belong to."""
-
-    quality: Quality
-    pieces: Int[np.ndarray, "m 4"]
-    options: SmoothingOptions
-
-    @staticmethod
-    def of(partition: Partition, field: SizeField, layout: Layout, options: SmoothingOptions) -> "_Outcome":
-        """Fill, lift, optimise and measure."""
-        surface, sizes = field.surface, field.at(layout.spacing)
-        assembly = assemble(layout, fill(partition, layout, sizes=sizes))
-        lifted = inverse_map(surface, layout, assembly)
-        wanted = None if sizes.uniform else sizes.size
-        result = optimise(surface, lifted.mesh.mesh, lifted.triangle, options, sizes=wanted)
-        quality = measure(lifted.mesh.moved(result.points).mesh, surface)
-        return _Outcome(quality, assembly.piece[lifted.mesh.mesh.quads], options)
-
-    @property
-    def is_fine(self) -> bool:
-        """Whether no quad would have to be repaired."""
-        figures, (low, high) = self.figures, self.options.repair_angles
-        inside = figures.min_angle >= low and figures.max_angle <= high
-        return not figures.invalid and inside and figures.area_ratio <= self.options.repair_area_ratio
-
-    @property
-    def figures(self) -> Figures:
-        """Worst quads; sizes are not judged, since counts follow them in every layout."""
-        m = self.quality.metrics
-        invalid = int((~self.quality.shape.valid).sum())
-        return Figures(invalid, m["min_angle"], m["max_angle"], m["area_ratio"], m["orthogonality"], size_error=0.0)
-
-    @property
-    def missed(self) -> Float[np.ndarray, " m"]:
-        """Degrees by which the angles of each quad miss the wanted limits; much for folded ones."""
-        shape, (low, high) = self.quality.shape, self.options.wanted_angles
-        return np.maximum(low - shape.min_angle, 0) + np.maximum(shape.max_angle - high, 0) + FOLDED * ~shape.valid
-
-
-def _trial(partition: Partition, field: SizeField, layout: Layout, chosen: tuple[int, ...]) -> _Trial:
-    outcome = _Outcome.of(partition, field, layout, SmoothingOptions(searches=0))
-    at = _junction_of_pieces(layout.pieces)[outcome.pieces]
-    costs = [float((outcome.missed[(at == j).any(axis=1)] ** 2).sum()) for j in range(len(layout.pieces.junctions))]
-    metrics = outcome.quality.metrics
+def _trial(
+    partition: Partition, field: SizeField, layout: Layout, chosen: tuple[int, ...], search: TriangleSearch
+) -> _Trial:
+    """Fill, lift, optimise and measure; `search` is for the surface."""
+    surface, sizes, options = field.surface, field.at(layout.spacing), trial_options()
+    assembly = assemble(layout, fill(partition, layout, sizes=sizes))
+    lifted = inverse_map(surface, layout, assembly)
+    wanted = None if sizes.uniform else sizes.size
+    result = optimise(surface, lifted.mesh.mesh, lifted.triangle, options, sizes=wanted)
+    quality = measure(lifted.mesh.moved(result.points).mesh, surface, samples=SAMPLES, search=search)
+    at = _junction_of_pieces(layout.pieces)[assembly.piece[lifted.mesh.mesh.quads]]
+    missed = _missed(quality, options)
+    costs = [float((missed[(at == j).any(axis=1)] ** 2).sum()) for j in range(len(layout.pieces.junctions))]
+    figures, metrics = _figures(quality), quality.metrics
     more = DEVIATION * metrics["surface_deviation"] + PATCH * np.nan_to_num(metrics["blocks"])
-    return _Trial(chosen, np.array(costs), outcome.figures.shortfall(outcome.options) + more)
+    is_enough = replace(figures, orthogonality=1.0).shortfall(options) <= ENOUGH
+    return _Trial(chosen, np.array(costs), figures.shortfall(options) + more, is_enough)
+
+
+def _figures(quality: Quality) -> Figures:
+    """Worst quads; sizes are not judged, since counts follow them in every layout."""
+    m = quality.metrics
+    invalid = int((~quality.shape.valid).sum())
+    return Figures(invalid, m["min_angle"], m["max_angle"], m["area_ratio"], m["orthogonality"], size_error=0.0)
+
+
+def _missed(quality: Quality, options: SmoothingOptions) -> Float[np.ndarray, " m"]:
+    """Degrees by which the angles of each quad miss the wanted limits; much for folded ones."""
+    shape, (low, high) = quality.shape, options.wanted_angles
+    return np.maximum(low - shape.min_angle, 0) + np.maximum(shape.max_angle - high, 0) + FOLDED * ~shape.valid
 
 
 def _junction_of_pieces(pieces: Pieces) -> Int[np.ndarray, " p"]:

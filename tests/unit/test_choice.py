@@ -25,17 +25,17 @@ def shape(layout):
 
 @pytest.fixture
 def shortfalls(monkeypatch):
-    """Shortfall of every layout that is tried, with its shape; none is fine at once."""
+    """Shortfall of every layout that is tried, with its shape; none is as good as needed."""
     seen = []
     trial = choice._trial
 
-    def watched(partition, field, layout, chosen):
-        found = trial(partition, field, layout, chosen)
+    def watched(partition, field, layout, chosen, search):
+        found = trial(partition, field, layout, chosen, search)
         seen.append((shape(layout), found.shortfall))
         return found
 
     monkeypatch.setattr(choice, "_trial", watched)
-    monkeypatch.setattr(choice._Outcome, "is_fine", False)
+    monkeypatch.setattr(choice, "ENOUGH", -1.0)
     return seen
 
 
@@ -51,10 +51,22 @@ def test_one_candidate_is_not_tried_but_taken(shortfalls):
     assert not shortfalls
 
 
-def test_nothing_is_tried_where_the_first_layout_needs_no_repair(monkeypatch):
-    monkeypatch.delattr(choice, "_trial")
-    monkeypatch.setattr(choice._Outcome, "is_fine", True)
+def test_the_first_layout_that_is_as_good_as_needed_ends_the_trials(monkeypatch, shortfalls):
+    monkeypatch.setattr(choice, "ENOUGH", 1e9)
     assert shape(choose(PARTITION, SIZES, OPTIONS)) == shape(decompose(PARTITION, OPTIONS))
+    assert len(shortfalls) == 1
+
+
+def test_what_is_as_good_as_needed_stays_even_where_another_layout_has_less_shortfall(monkeypatch):
+    results = iter([(1.0, False), (2.0, True)])
+    tried = []
+
+    def trial(_partition, _field, layout, chosen, _search):
+        tried.append(layout)
+        return choice._Trial(chosen, np.zeros(len(chosen)), *next(results))
+
+    monkeypatch.setattr(choice, "_trial", trial)
+    assert shape(choose(PARTITION, SIZES, OPTIONS)) == shape(tried[1])
 
 
 def test_a_way_to_open_a_junction_without_counts_is_passed_over(monkeypatch, shortfalls):
@@ -77,13 +89,12 @@ def test_each_junction_gets_the_candidate_that_did_best_around_it(monkeypatch):
     run = chain("four limbs")
     tried = []
 
-    def trial(_partition, _field, layout, chosen):
+    def trial(_partition, _field, layout, chosen, _search):
         tried.append(layout)
         costs = np.array([(j + len(tried)) % 2 for j in range(len(chosen))], float)
-        return choice._Trial(chosen, costs, float(-len(tried)))
+        return choice._Trial(chosen, costs, float(-len(tried)), is_enough=False)
 
     monkeypatch.setattr(choice, "_trial", trial)
-    monkeypatch.setattr(choice._Outcome, "is_fine", False)
     options = DecomposeOptions(target_quads=700, candidates=2)
     chosen = choose(run["partition"], run["sizing"], options)
     for j in range(len(chosen.pieces.junctions)):

@@ -17,6 +17,9 @@ TANGENTS = np.array([0.15, 0.25, 0.4, 0.55, 0.7, 0.85, 0.95, 1.0, 1.05, 1.15, 1.
 #: Most nodes of the branch-and-bound tree; the first few dozen decide, the rest is proof.
 NODE_LIMIT = 2000
 
+#: Whole counts are first sought this close to those of the relaxation, where the program is much smaller.
+WINDOW = 2
+
 
 #: Most columns a transition absorbs on each side of its middle.
 MOST_ABSORBED = 8
@@ -57,29 +60,50 @@ class CountProblem:
 def solve_counts(problem: CountProblem, *, integral: bool = True) -> Float[np.ndarray, " n"]:
     """Minimise `sum w (x / t + t / x - 2)`, which is `2 cosh(log(x / t)) - 2`, convex in x, by tangents.
 
-    Without `integral` the relaxation is solved, which is fast. HiGHS runs with a gap and a limit of nodes, not of time,
-    so the result is reproducible. Raises `StageError` when infeasible.
+    Without `integral` the relaxation is solved, which is fast. Whole counts are sought near those of the relaxation
+    and, where there are none or `hold` asks for the best, everywhere. HiGHS runs with a gap and a limit of nodes, not
+    of time, so the result is reproducible. Raises `StageError` when infeasible.
+    """
+    relaxed = _checked(*_minimised(problem, whole=False))
+    if not integral:
+        return relaxed
+    found = None if problem.hold else _minimised(problem, near=relaxed)[0]
+    return np.round(_checked(*_minimised(problem)) if found is None else found)
+
+
+def _checked(counts: Float[np.ndarray, " n"] | None, message: str) -> Float[np.ndarray, " n"]:
+    if counts is None:
+        raise StageError("decompose", CountOutcome.INFEASIBLE, message)
+    return counts
+
+
+def _minimised(
+    problem: CountProblem, *, near: Float[np.ndarray, " n"] | None = None, whole: bool = True
+) -> tuple[Float[np.ndarray, " n"] | None, str]:
+    """Return the counts of least cost, None where there are none, and what the solver says.
+
+    None is further than `WINDOW` from what `near`, where given, is rounded to either way.
     """
     n, n_even, n_steps = len(problem.target), len(problem.even), len(problem.steps)
     # counts, costs, halves of even counts, columns absorbed on each side, whether any is
     size = 2 * n + n_even + 2 * n_steps
-    whole = np.r_[np.ones(n), np.zeros(n), np.ones(size - 2 * n)]
     low = np.r_[problem.least, np.zeros(size - n)]
     high = np.r_[np.full(size - n_steps, np.inf), np.ones(n_steps)]
     for count, value in problem.fixed:
         if value < low[count]:
             raise StageError("decompose", CountOutcome.INFEASIBLE, f"{value} is less than {low[count]:.0f}")
         low[count] = high[count] = value
+    if near is not None:
+        low[:n] = np.maximum(low[:n], np.floor(near) - WINDOW)
+        high[:n] = np.minimum(high[:n], np.ceil(near) + WINDOW)
     result = milp(
         np.r_[np.zeros(n), problem.weight, np.zeros(n_even + n_steps), np.full(n_steps, problem.step_cost)],
-        integrality=whole if integral else np.zeros(size),
+        integrality=np.r_[np.ones(n), np.zeros(n), np.ones(size - 2 * n)] if whole else np.zeros(size),
         bounds=Bounds(low, high),  # pyright: ignore[reportArgumentType]
         constraints=[_equations(problem, size), _transitions(problem, size), _tangents(problem, size)],
         options={"mip_rel_gap": 0.0 if problem.hold else 0.02, "node_limit": NODE_LIMIT},
     )
-    if result.x is None:
-        raise StageError("decompose", CountOutcome.INFEASIBLE, result.message)
-    return np.round(result.x[:n]) if integral else result.x[:n]
+    return None if result.x is None else result.x[:n], result.message
 
 
 def _equations(problem: CountProblem, size: int) -> LinearConstraint:

@@ -90,13 +90,16 @@ def spine(mesh: TriMesh, distance: Float[np.ndarray, " v"]) -> Spine:
 
 
 def _pruned(edges: np.ndarray, keep: np.ndarray, n: int) -> np.ndarray:
-    keep = keep.copy()
+    left = np.nonzero(keep)[0]
     while True:
-        degree = np.bincount(edges[keep].ravel(), minlength=n)
-        loose = keep & (degree[edges] == 1).any(1)
-        if not loose.any():
-            return keep
-        keep &= ~loose
+        one, two = edges[left].T
+        degree = np.bincount(one, minlength=n) + np.bincount(two, minlength=n)
+        tied = (degree[one] > 1) & (degree[two] > 1)
+        if tied.all():
+            pruned = np.zeros(len(keep), bool)
+            pruned[left] = True
+            return pruned
+        left = left[tied]
 
 
 def _graph(edges: np.ndarray, keep: np.ndarray) -> Spine:

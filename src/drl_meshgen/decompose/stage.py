@@ -44,7 +44,7 @@ class DecomposeOptions:
     strips: bool = True
     """Whether junctions are also opened by strips between their loops (see `strip_graph`)."""
     candidates: int = 3
-    """Most ways to open each junction that are compared by optimising whole layouts, where the first needs repair
+    """Most ways to open each junction that are compared by optimising whole layouts, until one is as good as needed
     (count); 1 takes the most promising."""
     least_columns: int = 2
     """Fewest quads along a spine edge, or an edge of a strip (count)."""
@@ -114,12 +114,13 @@ def with_counts(
         return sizing(spacing).layout()
     for _ in range(MOST_CORRECTIONS):
         one = sizing(spacing)
-        ratio = one.quads(one.solved(integral=False)) / options.target_quads
+        ratio = one.quads(one.relaxed) / options.target_quads
         spacing *= float(np.sqrt(ratio))
         if abs(ratio - 1) < 0.01:
             break
-    ratio = predicted_quads(sizing(spacing).layout(turn=False), field.at(spacing)) / options.target_quads
-    return sizing(spacing if abs(ratio - 1) <= 0.03 else spacing * float(np.sqrt(ratio))).layout()
+    one = sizing(spacing)
+    ratio = predicted_quads(one.layout(turn=False), field.at(spacing)) / options.target_quads
+    return (one if abs(ratio - 1) <= 0.03 else sizing(spacing * float(np.sqrt(ratio)))).layout()
 
 
 def predicted_blocks(layout: Layout) -> int:
@@ -244,11 +245,20 @@ class Sizing:
             self.fixed,
         )
 
-    def solved(self, *, integral: bool = True) -> Float[np.ndarray, " n"]:
-        """Return the counts nearest to the wanted lengths or, where there are any, to the former counts.
+    @cached_property
+    def counts(self) -> Int[np.ndarray, " n"]:
+        """Counts nearest to the wanted lengths or, where there are any, to the former counts.
 
         Raises `InputError` where fixed counts contradict, `StageError` where there are none.
         """
+        return self._solved(integral=True).astype(np.int64)
+
+    @property
+    def relaxed(self) -> Float[np.ndarray, " n"]:
+        """The same without rounding."""
+        return self._solved(integral=False)
+
+    def _solved(self, *, integral: bool) -> Float[np.ndarray, " n"]:
         problem = self.problem()
         if self.former:
             former = np.array([value for _, value in sorted(self.former)], float)
@@ -276,7 +286,7 @@ class Sizing:
 
     def layout(self, *, turn: bool = True) -> Layout:
         """Solve the counts and the rows; with `turn` also turn bands and caps (see `turned`)."""
-        counts, turning, more = self.solved().astype(np.int64), None, 1.0
+        counts, turning, more = self.counts, None, 1.0
         if turn and self.options.block_weight > 0 and not self.options.transitions:
             problem = self.problem()
             if self.former:

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from drl_meshgen.mesh import QuadMesh, TriMesh
 from drl_meshgen.quality.base_complex import base_complex, straight_pairs
 from drl_meshgen.quality.closest import TriangleSearch
-from drl_meshgen.quality.deviation import boundary_mse, deviation
+from drl_meshgen.quality.deviation import SAMPLES, boundary_mse, deviation
 from drl_meshgen.quality.mixed import MixedTopology, Outline
 from drl_meshgen.quality.normals import pseudo_normals
 from drl_meshgen.quality.shape import QuadShape, own_normals
@@ -67,19 +67,22 @@ def measure(
     block: Int[np.ndarray, " m"] | None = None,
     *,
     with_deviation: bool = True,
+    samples: int = SAMPLES,
+    search: TriangleSearch | None = None,
     triangles: Int[np.ndarray, "t 3"] | None = None,
 ) -> Quality:
     """Measure a quad mesh.
 
     Definitions are those of the documentation's table of metrics. With a `surface`, normals come from it, topology is
-    compared with it and, unless switched off, distances to it are measured (fractions of its bounding-box diagonal).
+    compared with it and, unless switched off, distances to it are measured (fractions of its bounding-box diagonal)
+    at that many `samples`. `search` is a search structure of the surface, if there is one already.
     `block` names the block of each quad. `triangles` are the faces a mixed mesh has beside its quads: shape is that of
     the quads, everything about topology and distance is that of the mixed mesh.
     """
     t = mesh.topology
     extra = 0 if triangles is None else len(triangles)
     outline: Outline = MixedTopology(len(mesh.points), mesh.quads, triangles) if triangles is not None and extra else t
-    search = None if surface is None else TriangleSearch(surface.corners)
+    search = TriangleSearch(surface.corners) if search is None and surface is not None else search
     defects = [f"{extra} faces are triangles"] if extra else list(structural_defects(mesh, block))
     normals = own_normals(mesh.points[mesh.quads])
     if surface is not None and search is not None:
@@ -121,7 +124,7 @@ def measure(
     if surface is not None:
         metrics["boundary_mse"], metrics["boundary_fit"] = boundary_mse(mesh.points, outline.boundary_edges, surface)
         if with_deviation:
-            d = deviation(mesh, surface, outline.boundary_edges, search, triangles)
+            d = deviation(mesh, surface, outline.boundary_edges, search, triangles, samples=samples)
             metrics |= {
                 "surface_deviation": d.surface,
                 "surface_deviation_rms": d.surface_rms,
