@@ -76,7 +76,7 @@ class MeshOptions:
 
     def fast(self) -> "MeshOptions":
         """Return these options with less effort: about half the time for somewhat worse quads (decision 0012)."""
-        decompose = replace(self.decompose, exponents=self.decompose.exponents[:1], strips=False)
+        decompose = replace(self.decompose, exponents=self.decompose.exponents[:1], candidates=1)
         return replace(self, decompose=decompose, smoothing=self.smoothing.fast())
 
     def by_stage(

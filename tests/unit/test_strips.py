@@ -37,6 +37,14 @@ def plate_candidates(monkeypatch, k=4, **options):
     return open_junction(mesh, np.arange(len(mesh.vertices)), curves, (0.0, 1.0), **options)
 
 
+def test_only_coarse_junctions_are_refined_before_they_are_opened(monkeypatch):
+    coarse = plate_candidates(monkeypatch, strips=False)
+    monkeypatch.setattr(opening, "FINE", 0)
+    fine = plate_candidates(monkeypatch, strips=False)
+    faces = [sum(len(cell.ring.mesh.triangles) for cell in junctions[0].cells) for junctions in (coarse, fine)]
+    assert faces[0] == 4 * faces[1]
+
+
 def test_k_loops_take_k_minus_two_strips_with_four_corners_each(laid):
     _, _, _, strips, k = laid
     assert len(strips.quads) == k - 2

@@ -7,6 +7,7 @@ arithmetic over the counts; lines that begin in an irregular node cut the mesh i
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import accumulate
 from math import inf
 
@@ -117,6 +118,20 @@ class Lines:
             left.remove(t)
         return path
 
+    def across(self, edge: int, piece: int, side: int) -> _Use:
+        """Return the piece beyond an edge of `piece`, which is its `side`."""
+        one, two = self.uses[edge]
+        return two if one[0] == piece and one[1] == side else one
+
+    @cached_property
+    def crossings(self) -> list[list[_Use]]:
+        """What is beyond each side of each end, and whether it counts columns the same way."""
+        found = []
+        for k, end in enumerate(self.ends):
+            beyond = [(self.across(edge, k, p), forward) for p, (edge, forward) in enumerate(end.sides)]
+            found.append([(piece, side, ahead == forward) for (piece, side, ahead), forward in beyond])
+        return found
+
     def feet(self, counts: Sequence[int]) -> list[list[int]]:
         """Columns at which the sides of every end begin, and last its number of columns."""
         return [list(accumulate([counts[e] for e, _ in end.sides], initial=0)) for end in self.ends]
@@ -184,24 +199,31 @@ class _Trace:
 
     def _follow(self, b: int, i: int, leaving: int) -> None:
         """Follow column `i` of band `b` (as its first end counts) away from its end `leaving`."""
-        while i not in self.columns[b] and self.left >= 0:
-            self.columns[b].add(i)
+        feet, columns, place, crossings = self.feet, self.columns, self.lines.place, self.lines.crossings
+        while i not in columns[b] and self.left >= 0:
+            columns[b].add(i)
             self.left -= 1
             band = self.lines.bands[b]
-            if leaving == 1:
-                here = self._through_junction(band.ends[0], i)
+            if leaving:
+                k, j = band.ends[0], i
             elif len(band.ends) == 2:
-                here = self._through_junction(band.ends[1], self._turned(b, i))
+                k, j = band.ends[1], self._turned(b, i)
             else:
-                opposite = self._through_cap(band, i) if band.cap >= 0 else -1
-                if opposite < 0:
+                i, leaving = self._through_cap(band, i) if band.cap >= 0 else -1, 1
+                if i < 0:
                     return
-                i, leaving = opposite, 1
                 continue
-            if here is None:
-                return
-            k, j = here
-            b, leaving = self.lines.place[k]
+            p = bisect_right(feet[k], j) - 1
+            far, side, same = crossings[k][p]
+            if feet[k][p] == j:
+                return  # an irregular node
+            if far >= 0:
+                j = feet[far][side] + (j - feet[k][p] if same else feet[k][p + 1] - j)
+            else:
+                far, j = self._through_strips(k, p, j)
+                if far < 0:
+                    return
+            b, leaving = place[far]
             i = self._turned(b, j) if leaving else j
 
     def _through_cap(self, band: Band, i: int) -> int:
@@ -220,29 +242,22 @@ class _Trace:
             r = n + m - r
         return (first + r) % n
 
-    def _through_junction(self, k: int, j: int) -> tuple[int, int] | None:
-        """End and column where a line comes out of a junction that it enters at column `j` of end `k`.
+    def _through_strips(self, k: int, p: int, j: int) -> tuple[int, int]:
+        """End and column where a line comes out of the strips that it enters at column `j` of end `k`, on side `p`.
 
-        None at an irregular node, and in a strip line that is already there.
+        End -1 where it meets a line that is already there.
         """
         feet = self.feet[k]
-        p = bisect_right(feet, j) - 1
-        if feet[p] == j:
-            return None
         edge, forward = self.lines.ends[k].sides[p]
         count = self.counts[edge]
         t = j - feet[p] if forward else feet[p + 1] - j
-        k, p, forward = self._across(edge, k, p)
+        k, p, forward = self.lines.across(edge, k, p)
         while k < 0:
             met, at = self.strips[-1 - k][p % 2], t if p < 2 else count - t
             if at in met:
-                return None
+                return -1, 0
             met.add(at)
             self.left -= 1
             t, p = count - t, (p + 2) % 4
-            k, p, forward = self._across(self.lines.strips[-1 - k][p], k, p)
+            k, p, forward = self.lines.across(self.lines.strips[-1 - k][p], k, p)
         return k, self.feet[k][p] + (t if forward else count - t)
-
-    def _across(self, edge: int, piece: int, side: int) -> _Use:
-        one, two = self.lines.uses[edge]
-        return two if one[0] == piece and one[1] == side else one

@@ -17,7 +17,8 @@ from drl_meshgen.mesh.curves import closed_length
 from drl_meshgen.partition import Curve
 from drl_meshgen.partition.cutting import midpoint_refined
 
-#: A junction is refined once before it is opened, and again where its spine still runs into a loop.
+#: A junction of fewer triangles is refined before it is opened; any is, as long as its spine runs into a loop.
+FINE = 10_000
 MOST_REFINEMENTS = 3
 
 #: Strips are out of the question above this distortion: columns crowd more than the node optimiser can mend.
@@ -43,8 +44,9 @@ def open_junction(
     There is a spine for each of `exponents` (see `nearest_distance`), and strips where they are wanted and fit (see
     `strip_graph`). `origin` are the ids of the region's vertices on the cut surface.
     """
-    for _ in range(MOST_REFINEMENTS):
-        mesh = midpoint_refined(mesh)
+    coarse = len(mesh.triangles) < FINE
+    for refinement in range(coarse, MOST_REFINEMENTS + 1):
+        mesh = midpoint_refined(mesh) if refinement else mesh
         region = _Region.of(mesh, origin, curves)
         spines = region.by_spines(exponents, zones)
         if spines:
