@@ -7,6 +7,7 @@ The search is simulated annealing over integers; a candidate is counted in a fra
 from cmath import phase, rect
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import combinations
 from math import inf, log, tau
 from typing import TypeVar
@@ -139,6 +140,7 @@ class _Search:
         self.costs = _Costs(problem, lines, self.n_edges)
         self.groups = _groups(lines, self.n_edges)
         self.moves = _moves(lines, self.groups, {k for k, _ in problem.fixed}, self.n_edges)
+        self.counted = lru_cache(maxsize=8)(self._counted)
 
     def start(self) -> _State:
         """Return the counts given, bands as they come, and caps whose first corner is at a foot and core is square."""
@@ -229,8 +231,7 @@ class _Search:
 
     def cost(self, state: _State, limit: float = inf) -> float:
         """Return the cost of a state: infinite where it is none, some number above `limit` if it is above."""
-        feet = self.lines.feet(state.counts)
-        total = self.costs.of(state.counts, feet)
+        feet, total = self.counted(state.counts)
         if total >= limit:
             return inf
         turning = self.turning(state, feet)
@@ -248,6 +249,11 @@ class _Search:
             return inf
         left = (limit - total) / self.weight
         return total + self.weight * self.lines.patches(state.counts, turning, feet=feet, limit=left)
+
+    def _counted(self, counts: tuple[int, ...]) -> tuple[list[list[int]], float]:
+        """Return the feet of counts and what counts cost; most steps of a search leave counts as they are."""
+        feet = self.lines.feet(counts)
+        return feet, self.costs.of(counts, feet)
 
     def natural(self, feet: list[list[int]], band: int) -> float:
         """Shift of a band without twist."""
