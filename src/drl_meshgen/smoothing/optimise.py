@@ -104,11 +104,11 @@ def optimise(
     if record.rows[-1]["invalid"] and options.searches:
         unfinished = search(space, referee, state)
         record.judge("search", unfinished)
-    final = referee.figures(record.state, exact=True)
+    final, searched = referee.figures(record.state, exact=True), None
     for k in range(options.repair_rounds):
         state = record.state
-        if final.invalid and k < options.searches:
-            state = search_all(space, referee, (state, unfinished))
+        if final.invalid and k < options.searches and state is not searched:
+            state = searched = search_all(space, referee, (state, unfinished))
             final = record.restart("search", state)
         if not referee.bad(state).any():
             break

@@ -18,6 +18,8 @@ from drl_meshgen.smoothing.verdict import Referee
 
 AVERAGING = 4
 """Averaging sweeps for each ring of a patch, so that means reach across it."""
+PATIENCE = 2
+"""A spot is given up after this many rounds in a row in which no fewer of its quads were folded: one of each kind."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,18 +76,24 @@ def unfold(
 ) -> NodeState:
     """Untangle around folded quads in growing patches, from where nodes are and from the means of their neighbours."""
     mesh = space.mesh
+    idle = np.zeros(len(mesh.quads), np.int64)
+    folded = ~whole.shape(state).valid
     for round_ in range(2 * options.unfold_rounds):
-        folded = ~whole.shape(state).valid
-        if not folded.any():
+        chosen = folded & (idle < PATIENCE)
+        if not chosen.any():
             break
         rings = options.repair_rings + round_
-        patch = patch_around(mesh, folded, rings, whole)
+        patch = patch_around(mesh, chosen, rings, whole)
         reach = reach_of(mesh, state.points, 2 * options.step_limit)
         start = space.freeze(state, patch.moving)
         if round_ % 2:
             start = averaged(space, start, AVERAGING * rings)
         tried = space.thaw(untangle(space, patch.energy, start, reach))
         state = keep_better(space, referee, patch, state, tried)
+        before, folded = folded, ~whole.shape(state).valid
+        inside = patch.spot >= 0
+        fewer = np.bincount(patch.spot[inside], before[inside].astype(float) - folded[inside]) > 0
+        idle[inside] = np.where(fewer[patch.spot[inside]], 0, idle[inside] + 1)
     return state
 
 

@@ -17,6 +17,8 @@ MORE_SEARCHES = 3
 """Most searches on from the best result, as long as they help."""
 SWEEPS = 10
 """Most sweeps over the nodes around folded quads."""
+PATIENCE = 3
+"""Sweeps in a row without fewer folded quads after which a search ends: one with each size of surroundings."""
 
 
 class _Board:
@@ -56,7 +58,7 @@ class _Board:
         slot = self._slot[ring]
         corners = np.where((slot >= 0)[None, :, :, None], places[:, slot], self.points[ring][None])
         self._slot[group] = -1
-        best = int(np.argmin(self.referee.penalty_of_places(corners)))
+        best = self.referee.best_of_places(corners)
         self.triangle[group] = found.reshape(many[0], -1)[best]
         self.weights[group] = weights.reshape(moves.shape)[best]
         self.points[group] = places[best]
@@ -72,15 +74,19 @@ def search(space: NodeSpace, referee: Referee, state: NodeState, *, whole_quads:
     A place is judged by the sum of the squared penalties of the quads at the nodes (exact orientation). With
     `whole_quads` folded quads are moved and shrunk as a whole as well, which gets other knots undone.
     """
-    mesh = space.mesh
-    free = space.free
-    for sweep in range(SWEEPS):
+    mesh, free = space.mesh, space.free
+    best, fewest, idle = state, np.inf, 0
+    for sweep in range(SWEEPS + 1):
         folded = ~referee.shape(state, exact=True).valid
-        if not folded.any():
+        count = int(folded.sum())
+        idle = 0 if count < fewest else idle + 1
+        if count <= fewest:
+            best, fewest = state, count
+        if not count or idle == PATIENCE or sweep == SWEEPS:
             break
         near = np.zeros(len(mesh.points), bool)
         near[mesh.quads[folded]] = True
-        for _ in range(sweep % 3):
+        for _ in range(sweep % PATIENCE):
             near[mesh.quads[near[mesh.quads].any(axis=1)]] = True
         board = _Board(space, referee, state)
         if whole_quads:
@@ -89,7 +95,7 @@ def search(space: NodeSpace, referee: Referee, state: NodeState, *, whole_quads:
         for node in np.nonzero(near & free)[0]:
             board.improve(np.array([node]), float(sweep))
         state = board.state(state)
-    return state
+    return best
 
 
 def search_all(space: NodeSpace, referee: Referee, states: tuple[NodeState, ...]) -> NodeState:
@@ -99,8 +105,9 @@ def search_all(space: NodeSpace, referee: Referee, states: tuple[NodeState, ...]
         return int((~referee.shape(state, exact=True).valid).sum())
 
     best, fewest = states[0], np.inf
+    different = [state for k, state in enumerate(states) if not any(state is other for other in states[:k])]
     for whole_quads in (False, True):
-        for state in states:
+        for state in different:
             found = search(space, referee, state, whole_quads=whole_quads)
             if folded(found) < fewest:
                 best, fewest = found, folded(found)
