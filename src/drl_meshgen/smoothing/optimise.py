@@ -26,20 +26,26 @@ class _Record:
         self.referee, self.state = referee, state
         self.rows: list[dict] = []
         self.score, self.exact = np.inf, False
-        self.judge("start", state)
+        self.best = self.judge("start", state)
 
     def judge(self, stage: str, state: NodeState, cost: float = np.nan, damping: float = np.nan) -> Figures:
         """Record a state and keep it if it is the best."""
         found = self.referee.figures(state, exact=self.exact)
         score = found.shortfall(self.referee.options)
         if score < self.score:
-            self.state, self.score = state, score
+            self.state, self.score, self.best = state, score, found
         self.rows.append({"stage": stage, "cost": cost, "damping": damping, **vars(found)})
         return found
 
+    def look_closely(self) -> None:
+        """From now on judge orientation exactly, the best state included."""
+        self.exact = True
+        self.best = self.referee.figures(self.state, exact=True)
+        self.score = self.best.shortfall(self.referee.options)
+
     def restart(self, stage: str, state: NodeState) -> Figures:
-        """Record a state that is to be the best so far; from now on orientation is judged exactly."""
-        self.score, self.exact = np.inf, True
+        """Record a state that is to be the best so far."""
+        self.score = np.inf
         return self.judge(stage, state)
 
     def observer(self, stage: str) -> Observer:
@@ -104,22 +110,20 @@ def optimise(
     if record.rows[-1]["invalid"] and options.searches:
         unfinished = search(space, referee, state)
         record.judge("search", unfinished)
-    final, searched = referee.figures(record.state, exact=True), None
+    record.look_closely()
+    left = np.inf
     for k in range(options.repair_rounds):
+        # a search goes on from where the one before led only if repair has undone some of the folds it left
+        if 0 < record.best.invalid < left and k < options.searches:
+            left = record.restart("search", search_all(space, energy, referee, (record.state, unfinished))).invalid
         state = record.state
-        if final.invalid and k < options.searches and state is not searched:
-            state = searched = search_all(space, referee, (state, unfinished))
-            final = record.restart("search", state)
         if not referee.bad(state).any():
             break
         # what did not help in small surroundings may in larger ones
-        mended = repair(space, energy, referee, state, options.repair_rings + k)
-        record.judge(f"repair {k + 1}", mended)
-        final = referee.figures(record.state, exact=True)
-    state = record.state
-    if options.settle_rounds and not final.invalid:
-        state = settle(space, energy, referee, state)
-        final = record.restart("settle", state)
+        record.judge(f"repair {k + 1}", repair(space, energy, referee, state, options.repair_rings + k))
+    if options.settle_rounds and not record.best.invalid:
+        record.restart("settle", settle(space, energy, referee, record.state))
+    state, final = record.state, record.best
     low, high = options.wanted_angles
     if final.invalid:
         outcome = SmoothingOutcome.INVALID

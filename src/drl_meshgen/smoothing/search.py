@@ -3,9 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool, Int
 
+from drl_meshgen.smoothing.energy import QuadEnergy
 from drl_meshgen.smoothing.nodes import NodeSpace, NodeState
+from drl_meshgen.smoothing.patches import AVERAGING, patch_around
+from drl_meshgen.smoothing.restart import averaged
 from drl_meshgen.smoothing.verdict import Referee
 
 DIRECTIONS = 10
@@ -13,8 +16,8 @@ RADII = (1.0, 0.5, 0.25, 0.1)
 """Distances tried, in mean lengths of the edges at the nodes."""
 SHRINKING = (0.3, 0.6)
 """Shares of the way to one of its corners that a whole quad is tried to be drawn together."""
-MORE_SEARCHES = 3
-"""Most searches on from the best result, as long as they help."""
+AVERAGED_RINGS = (1, 2, 3, 4)
+"""Rings of quads around folded ones whose nodes are averaged with their neighbours to search on from there."""
 SWEEPS = 10
 """Most sweeps over the nodes around folded quads."""
 PATIENCE = 3
@@ -98,24 +101,32 @@ def search(space: NodeSpace, referee: Referee, state: NodeState, *, whole_quads:
     return best
 
 
-def search_all(space: NodeSpace, referee: Referee, states: tuple[NodeState, ...]) -> NodeState:
-    """Search from several states until nothing is folded, then on from the best, with whole quads; return the best."""
+def search_all(space: NodeSpace, whole: QuadEnergy, referee: Referee, states: tuple[NodeState, ...]) -> NodeState:
+    """Search from several states until nothing is folded, then on from the best, with whole quads; return the best.
 
-    def folded(state: NodeState) -> int:
-        return int((~referee.shape(state, exact=True).valid).sum())
+    Where folds are left, the nodes around them are brought to the middle of their neighbours, ring by ring, and
+    searched from there: a knot comes undone from another start rather than by more of the same search.
+    """
+
+    def folded(state: NodeState) -> Bool[np.ndarray, " m"]:
+        return ~referee.shape(state, exact=True).valid
 
     best, fewest = states[0], np.inf
     different = [state for k, state in enumerate(states) if not any(state is other for other in states[:k])]
-    for whole_quads in (False, True):
-        for state in different:
-            found = search(space, referee, state, whole_quads=whole_quads)
-            if folded(found) < fewest:
-                best, fewest = found, folded(found)
-            if not fewest:
-                return best
-    for _ in range(MORE_SEARCHES):
-        found = search(space, referee, best, whole_quads=True)
-        if folded(found) >= fewest:
+    for state in different:
+        found = search(space, referee, state, whole_quads=True)
+        count = folded(found).sum()
+        if count < fewest:
+            best, fewest = found, count
+        if not fewest:
+            return best
+    for rings in AVERAGED_RINGS:
+        patch = patch_around(space.mesh, folded(best), rings, whole)
+        start = averaged(space, space.freeze(best, patch.moving), AVERAGING * rings)
+        found = search(space, referee, space.thaw(start), whole_quads=True)
+        count = folded(found).sum()
+        if count < fewest:
+            best, fewest = found, count
+        if not fewest:
             break
-        best, fewest = found, folded(found)
     return best

@@ -140,9 +140,8 @@ class Referee:
         facing = np.cross(corners[..., 2, :] - corners[..., 0, :], corners[..., 3, :] - corners[..., 1, :])
         shape = shape_of(quads, flat, facing.reshape(-1, 3).T)
         angle = outer_angles(shape)
-        upright, over = (
-            self._lost(each, valid).reshape(len(corners), -1) for each, valid in ((angle, shape.valid), (360 - angle, False))
-        )
+        upright = self._lost(angle, shape.valid).reshape(len(corners), -1)
+        over = self._lost(360 - angle, np.zeros_like(shape.valid)).reshape(len(corners), -1)
         bound = np.minimum(upright, over).sum(axis=1)
         order = np.argsort(bound, kind="stable")
         best, least, first, many = int(order[0]), np.inf, 0, FIRST_PLACES
@@ -156,11 +155,11 @@ class Referee:
             first, many = first + many, 2 * many
         return best
 
-    def _lost(self, angle: Float[np.ndarray, "4 m"], valid: Bool[np.ndarray, " m"] | bool) -> Float[np.ndarray, " m"]:
+    def _lost(self, angle: Float[np.ndarray, "4 m"], valid: Bool[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
         """Squared amount by which quads miss the wanted limits, where no gain in angles makes up for a folded one."""
         low, high = self.options.wanted_angles
         missed = np.maximum(low - angle, 0).max(axis=0) + np.maximum(angle - high, 0).max(axis=0)
-        return (missed + HOPELESS * ~np.asarray(valid)) ** 2
+        return (missed + HOPELESS * ~valid) ** 2
 
     def bad(self, state: NodeState) -> Bool[np.ndarray, " m"]:
         """Quads beyond the limits of repair."""
