@@ -6,11 +6,11 @@ import pytest
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.mesh import QuadMesh, TriMesh
-from drl_meshgen.smoothing import SmoothingOptions, SmoothingOutcome, optimise
+from drl_meshgen.smoothing import SmoothingOptions, SmoothingOutcome, optimise, patches, verdict
 from drl_meshgen.smoothing.energy import QuadEnergy, shape_of
 from drl_meshgen.smoothing.newton import minimise
 from drl_meshgen.smoothing.nodes import NodeSpace
-from drl_meshgen.smoothing.patches import reach_of, repair
+from drl_meshgen.smoothing.patches import reach_of, repair, unfold
 from drl_meshgen.smoothing.relax import targets
 from drl_meshgen.smoothing.search import search
 from drl_meshgen.smoothing.untangle import untangle
@@ -209,6 +209,31 @@ def test_search_unfolds_without_derivatives(whole_quads):
     assert referee.figures(folded, exact=True).invalid > 0
     found = search(space, referee, folded, whole_quads=whole_quads)
     assert referee.figures(found, exact=True).invalid == 0
+
+
+def test_asking_few_places_finds_the_same_as_asking_all(monkeypatch):
+    surface, mesh, triangle = problem()
+    referee, rng = Referee(surface, mesh, SmoothingOptions()), np.random.default_rng(0)
+    corners = NodeSpace(surface, mesh).start(triangle).points[mesh.quads[:5]]
+    length = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1).mean()
+    cases = [corners + size * length * rng.normal(size=(30, *corners.shape)) for size in (0.1, 0.5, 2.0)]
+    few = [referee.best_of_places(places) for places in cases]
+    monkeypatch.setattr(verdict, "FIRST_PLACES", 30)
+    assert few == [referee.best_of_places(places) for places in cases]
+
+
+def test_spots_without_room_are_given_up(monkeypatch):
+    surface, mesh, triangle = problem()
+    fixed = np.ones(len(mesh.points), bool)
+    points = mesh.points.copy()
+    points[40] = points[42]  # a node that may not move folds the quads around it
+    space = NodeSpace(surface, QuadMesh(points, mesh.quads), fixed)
+    state = space.start(triangle)
+    tried = []
+    monkeypatch.setattr(patches, "untangle", lambda _space, _energy, start, _reach: tried.append(start) or start)
+    options = SmoothingOptions(unfold_rounds=5)
+    unfold(space, QuadEnergy(mesh, options), Referee(surface, mesh, options), state, options)
+    assert len(tried) == patches.PATIENCE
 
 
 def test_untangling_alone_unfolds():

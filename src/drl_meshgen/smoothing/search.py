@@ -20,8 +20,10 @@ AVERAGED_RINGS = (1, 2, 3, 4)
 """Rings of quads around folded ones whose nodes are averaged with their neighbours to search on from there."""
 SWEEPS = 10
 """Most sweeps over the nodes around folded quads."""
-PATIENCE = 3
-"""Sweeps in a row without fewer folded quads after which a search ends: one with each size of surroundings."""
+SIZES = 3
+"""Sizes of surroundings that sweeps take turns with, from the nodes of folded quads to two rings around them."""
+PATIENCE = 6
+"""A search ends after this many sweeps in a row that left no fewer quads folded."""
 
 
 class _Board:
@@ -89,7 +91,7 @@ def search(space: NodeSpace, referee: Referee, state: NodeState, *, whole_quads:
             break
         near = np.zeros(len(mesh.points), bool)
         near[mesh.quads[folded]] = True
-        for _ in range(sweep % PATIENCE):
+        for _ in range(sweep % SIZES):
             near[mesh.quads[near[mesh.quads].any(axis=1)]] = True
         board = _Board(space, referee, state)
         if whole_quads:
