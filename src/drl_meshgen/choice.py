@@ -20,6 +20,7 @@ from drl_meshgen.lift.inverse import inverse_map
 from drl_meshgen.partition import Partition
 from drl_meshgen.quality import Quality, measure
 from drl_meshgen.quality.closest import TriangleSearch
+from drl_meshgen.quality.deviation import deviation
 from drl_meshgen.sizing import SizeField
 from drl_meshgen.smoothing import SmoothingOptions, optimise
 from drl_meshgen.smoothing.verdict import FOLDED, Figures
@@ -44,7 +45,7 @@ class _Trial(NamedTuple):
     costs: Float[np.ndarray, " j"]
     """What is wrong around each junction (squared degrees)."""
     shortfall: float
-    """What is wrong with the whole (degrees)."""
+    """What is wrong with the whole (degrees), the deviation left out of one that is enough."""
     is_enough: bool
     """Whether a better layout would not be worth the time."""
 
@@ -114,14 +115,18 @@ def _trial(
     lifted = inverse_map(surface, layout, assembly)
     wanted = None if sizes.uniform else sizes.size
     result = optimise(surface, lifted.mesh.mesh, lifted.triangle, options, sizes=wanted)
-    quality = measure(lifted.mesh.moved(result.points).mesh, surface, samples=SAMPLES, search=search)
+    mesh = lifted.mesh.moved(result.points).mesh
+    quality = measure(mesh, surface, search=search, with_deviation=False)
     at = _junction_of_pieces(layout.pieces)[assembly.piece[lifted.mesh.mesh.quads]]
     missed = _missed(quality, options)
     costs = [float((missed[(at == j).any(axis=1)] ** 2).sum()) for j in range(len(layout.pieces.junctions))]
-    figures, metrics = _figures(quality), quality.metrics
-    more = DEVIATION * metrics["surface_deviation"] + PATCH * np.nan_to_num(metrics["blocks"])
+    figures = _figures(quality)
+    shortfall = figures.shortfall(options) + PATCH * float(np.nan_to_num(quality.metrics["blocks"]))
     is_enough = replace(figures, orthogonality=1.0).shortfall(options) <= ENOUGH
-    return _Trial(chosen, np.array(costs), figures.shortfall(options) + more, is_enough)
+    if not is_enough:
+        rim = mesh.topology.boundary_edges
+        shortfall += DEVIATION * deviation(mesh, surface, rim, search, samples=SAMPLES).surface
+    return _Trial(chosen, np.array(costs), shortfall, is_enough)
 
 
 def _figures(quality: Quality) -> Figures:

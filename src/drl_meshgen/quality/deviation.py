@@ -11,9 +11,6 @@ from drl_meshgen.quality.closest import TriangleSearch, closest_on_segments
 
 _PLASTIC = 1.32471795724474602596  # its powers give the two-dimensional golden-ratio sequence
 
-SAMPLES = 12000
-"""Points of each side whose distance to the other is measured, beside the nodes of the mesh."""
-
 
 @dataclass(frozen=True)
 class Deviation:
@@ -102,7 +99,7 @@ def deviation(
     search: TriangleSearch | None = None,
     triangles: Int[np.ndarray, "t 3"] | None = None,
     *,
-    samples: int = SAMPLES,
+    samples: int = 12000,
 ) -> Deviation:
     """Return Hausdorff and RMS distances between mesh and surface and between their boundaries.
 

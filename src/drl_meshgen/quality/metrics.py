@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from drl_meshgen.mesh import QuadMesh, TriMesh
 from drl_meshgen.quality.base_complex import base_complex, straight_pairs
 from drl_meshgen.quality.closest import TriangleSearch
-from drl_meshgen.quality.deviation import SAMPLES, boundary_mse, deviation
+from drl_meshgen.quality.deviation import boundary_mse, deviation
 from drl_meshgen.quality.mixed import MixedTopology, Outline
 from drl_meshgen.quality.normals import pseudo_normals
 from drl_meshgen.quality.shape import QuadShape, own_normals
@@ -67,15 +67,14 @@ def measure(
     block: Int[np.ndarray, " m"] | None = None,
     *,
     with_deviation: bool = True,
-    samples: int = SAMPLES,
     search: TriangleSearch | None = None,
     triangles: Int[np.ndarray, "t 3"] | None = None,
 ) -> Quality:
     """Measure a quad mesh.
 
     Definitions are those of the documentation's table of metrics. With a `surface`, normals come from it, topology is
-    compared with it and, unless switched off, distances to it are measured (fractions of its bounding-box diagonal)
-    at that many `samples`. `search` is a search structure of the surface, if there is one already.
+    compared with it and, unless switched off, distances to it are measured (fractions of its bounding-box diagonal).
+    `search` is a search structure of the surface, if there is one already.
     `block` names the block of each quad. `triangles` are the faces a mixed mesh has beside its quads: shape is that of
     the quads, everything about topology and distance is that of the mixed mesh.
     """
@@ -124,7 +123,7 @@ def measure(
     if surface is not None:
         metrics["boundary_mse"], metrics["boundary_fit"] = boundary_mse(mesh.points, outline.boundary_edges, surface)
         if with_deviation:
-            d = deviation(mesh, surface, outline.boundary_edges, search, triangles, samples=samples)
+            d = deviation(mesh, surface, outline.boundary_edges, search, triangles)
             metrics |= {
                 "surface_deviation": d.surface,
                 "surface_deviation_rms": d.surface_rms,
