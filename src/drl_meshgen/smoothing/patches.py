@@ -72,11 +72,18 @@ def keep_better(space: NodeSpace, referee: Referee, patch: Patch, old: NodeState
 
 
 def unfold(
-    space: NodeSpace, whole: QuadEnergy, referee: Referee, state: NodeState, options: SmoothingOptions
+    space: NodeSpace,
+    whole: QuadEnergy,
+    referee: Referee,
+    state: NodeState,
+    options: SmoothingOptions,
+    idle: Int[np.ndarray, " m"],
 ) -> NodeState:
-    """Untangle around folded quads in growing patches, from where nodes are and from the means of their neighbours."""
+    """Untangle around folded quads in growing patches, from where nodes are and from the means of their neighbours.
+
+    `idle` counts the rounds in a row that were no use to the spot that each quad was in, and is carried on in place.
+    """
     mesh = space.mesh
-    idle = np.zeros(len(mesh.quads), np.int64)
     folded = ~whole.shape(state).valid
     for round_ in range(2 * options.unfold_rounds):
         chosen = folded & (idle < PATIENCE)
