@@ -234,7 +234,7 @@ def test_spots_without_room_are_given_up(monkeypatch):
     options = SmoothingOptions(unfold_rounds=5)
     energy, referee, idle = QuadEnergy(mesh, options), Referee(surface, mesh, options), np.zeros(len(mesh.quads), int)
     for _ in range(2):
-        unfold(space, energy, referee, state, options, idle)
+        unfold(space, energy, referee, state, idle)
         assert len(tried) == patches.PATIENCE
 
 

@@ -98,14 +98,14 @@ def optimise(
         state = sweep(space, energy, state, reach_of(mesh, state.points, options.step_limit))
     record.judge("relax", state)
     idle = np.zeros(len(mesh.quads), np.int64)
-    state = unfold(space, energy, referee, state, options, idle)
+    state = unfold(space, energy, referee, state, idle)
     record.judge("unfold", state)
     for k, (hinge, steps) in enumerate(zip(options.hinge_weights, options.newton_steps, strict=True)):
         stage = f"newton {k + 1}"
         reach = reach_of(mesh, state.points, options.step_limit)
         state = minimise(space, energy.with_hinge(hinge), state, reach, steps=steps, observe=record.observer(stage))
         if record.rows[-1]["invalid"]:
-            state = unfold(space, energy, referee, state, options, idle)
+            state = unfold(space, energy, referee, state, idle)
             record.judge(f"unfold {k + 1}", state)
     unfinished = state
     if record.rows[-1]["invalid"] and options.searches:

@@ -11,7 +11,6 @@ from drl_meshgen.mesh import QuadMesh
 from drl_meshgen.smoothing.energy import QuadEnergy
 from drl_meshgen.smoothing.newton import minimise
 from drl_meshgen.smoothing.nodes import NodeSpace, NodeState
-from drl_meshgen.smoothing.options import SmoothingOptions
 from drl_meshgen.smoothing.restart import averaged
 from drl_meshgen.smoothing.untangle import untangle
 from drl_meshgen.smoothing.verdict import Referee
@@ -76,14 +75,13 @@ def unfold(
     whole: QuadEnergy,
     referee: Referee,
     state: NodeState,
-    options: SmoothingOptions,
     idle: Int[np.ndarray, " m"],
 ) -> NodeState:
     """Untangle around folded quads in growing patches, from where nodes are and from the means of their neighbours.
 
     `idle` counts the rounds in a row that were no use to the spot that each quad was in, and is carried on in place.
     """
-    mesh = space.mesh
+    options, mesh = whole.options, space.mesh
     folded = ~whole.shape(state).valid
     for round_ in range(2 * options.unfold_rounds):
         chosen = folded & (idle < PATIENCE)
