@@ -1,6 +1,6 @@
 """How quality follows the number of quads: `python docs/gallery/compare_counts.py giraffe 1000 2000 4000 8000`.
 
-Everything up to the partition is the same for all counts, so a store computes it once.
+Cleanup, seams, flow and sizes are the same for all counts, so a store computes them once.
 """
 
 import argparse

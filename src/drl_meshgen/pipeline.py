@@ -10,6 +10,7 @@ from functools import wraps
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from drl_meshgen import codecs
@@ -89,7 +90,9 @@ class MeshOptions:
             "cleanup": self.cleanup,
             "seams": self.seams,
             "ricci": self.ricci,
-            "partition": self.partition,
+            "partition": replace(
+                self.partition, target_quads=self.decompose.target_quads, target_edge=self.decompose.target_edge
+            ),
             "sizing": self.sizing,
             "decompose": self.decompose,
             "assembly": self.assembly,
@@ -147,7 +150,11 @@ def _ricci(inputs: Mapping[str, Any], options: RicciOptions) -> Any:
 def _partition(inputs: Mapping[str, Any], options: PartitionOptions) -> Any:
     """Cut the surface along isocontours of the depth into caps, tubes and junctions."""
     opened: OpenedSurface = inputs["seams"]
-    return partition(opened.mesh, inputs["ricci"].u, options, opened.seams)
+    size = None
+    if options.target_edge or options.target_quads:
+        spacing = options.target_edge or float(np.sqrt(opened.mesh.area / options.target_quads))
+        size = inputs["sizing"].at(spacing).at(opened.mesh.vertices)
+    return partition(opened.mesh, inputs["ricci"].u, options, opened.seams, size)
 
 
 def _sizing(inputs: Mapping[str, Any], options: SizeOptions) -> Any:
@@ -225,8 +232,8 @@ STAGES: tuple[Stage[Any, Any], ...] = (
     _stage(_cleanup, ("model",), ("drl_meshgen.cleanup",), codecs.CLEANUP, CleanupOptions),
     _stage(_seams, ("cleanup",), ("drl_meshgen.seams",), codecs.SEAMS, SeamOptions),
     _stage(_ricci, ("seams",), ("drl_meshgen.ricci",), codecs.RICCI, RicciOptions),
-    _stage(_partition, ("seams", "ricci"), ("drl_meshgen.partition",), codecs.PARTITION, PartitionOptions),
     _stage(_sizing, ("cleanup",), ("drl_meshgen.sizing",), codecs.SIZING, SizeOptions),
+    _stage(_partition, ("seams", "ricci", "sizing"), ("drl_meshgen.partition",), codecs.PARTITION, PartitionOptions),
     _stage(_decompose, ("partition", "sizing"), ("drl_meshgen.choice",), codecs.LAYOUT, DecomposeOptions),
     _stage(_subdomain, ("partition", "sizing", "decompose"), ("drl_meshgen.assembly",), codecs.SUBDOMAINS),
     _stage(_assembly, ("decompose", "subdomain"), ("drl_meshgen.assembly",), codecs.ASSEMBLY, AssemblyOptions),
@@ -254,7 +261,7 @@ COMPARED_STAGES: tuple[Stage[Any, Any], ...] = (
 
 
 #: Stages with options that decide on the layout; what comes after only fills it.
-LAYOUT_STAGES = ("cleanup", "seams", "ricci", "partition", "sizing", "decompose")
+LAYOUT_STAGES = ("cleanup", "seams", "ricci", "sizing", "partition", "decompose")
 
 
 def coarsened(

@@ -10,8 +10,10 @@ from drl_meshgen.errors import StageError
 from drl_meshgen.mesh.cutgraph import trace
 from drl_meshgen.mesh.topology import Topology
 from drl_meshgen.partition import CutSurface, Outcome, PartitionOptions, RegionKind, partition
+from drl_meshgen.partition.join_tree import join_tree
 from drl_meshgen.partition.levels import Level
 from drl_meshgen.partition.stage import filled_superlevel, smoothed_depth
+from drl_meshgen.partition.thin import levelled
 from drl_meshgen.ricci.flow import vertex_curvature
 from drl_meshgen.ricci.triangulation import corners
 from tests.chains import SURFACES, chain, grid
@@ -103,6 +105,43 @@ def test_every_limb_gets_a_cap_and_all_meet_in_one_junction(name, limbs):
     kinds = Counter(region.kind for region in chain(name)["partition"].regions)
     assert kinds[RegionKind.CAP] == limbs
     assert kinds[RegionKind.JUNCTION] == 1
+
+
+def caps(run, options, edge):
+    surface = run["cleanup"].surface
+    size = np.full(len(surface.vertices), edge)
+    parts = partition(surface, run["ricci"].u, options, size=size)
+    return Counter(region.kind for region in parts.regions)[RegionKind.CAP]
+
+
+def test_limbs_thinner_than_the_wanted_quads_are_left_out_and_thick_ones_stay():
+    run = chain("four limbs")
+    lengths = run["partition"].isovalues.length
+    always_small = PartitionOptions(small_limb=np.inf)
+    assert caps(run, always_small, lengths.min() / 10) == 4
+    assert caps(run, always_small, lengths.max()) < 4
+
+
+@pytest.mark.parametrize(
+    "options", [PartitionOptions(least_girth=0, small_limb=np.inf), PartitionOptions(small_limb=0)]
+)
+def test_limbs_that_are_long_or_that_nobody_asks_to_be_thick_stay_however_thin(options):
+    run = chain("four limbs")
+    assert caps(run, options, run["partition"].isovalues.length.max()) == 4
+
+
+def test_levelling_limbs_lowers_them_to_their_saddle_and_changes_nothing_else():
+    run = chain("four limbs")
+    surface, options = run["cleanup"].surface, PartitionOptions(small_limb=np.inf, least_girth=np.inf)
+    depth = smoothed_depth(surface, run["ricci"].u, options.smoothing)
+    tree = join_tree(surface.topology.edges, depth, options.persistence, options.min_arc)
+    flat = levelled(surface, depth, tree, options, np.ones(len(depth)))
+    saddles = {arc.low for arc in tree.arcs if arc.upper < 0}
+    assert set(flat[flat != depth]) <= saddles
+    assert (flat <= depth).all()
+    left = join_tree(surface.topology.edges, flat, options.persistence, options.min_arc)
+    assert len(left.tips) == 1
+    assert levelled(surface, flat, left, options, np.ones(len(depth))) is flat
 
 
 def test_a_flat_sheet_stays_whole():

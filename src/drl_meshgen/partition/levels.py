@@ -35,6 +35,14 @@ class PartitionOptions:
     """Farthest from a saddle that its contour is looked for (depth units)."""
     bottleneck: float = 1.3
     """A tube is put between the boundary and the first junction if its contour is at most this times the boundary."""
+    least_girth: float = 3.0
+    """Small limbs of less typical girth stay with what they grow from (wanted edges); 0 keeps all."""
+    small_limb: float = 20.0
+    """Limbs of less area are small (wanted quads)."""
+    target_quads: int = 0
+    """Wanted number of quads, 0: not known; a run takes that of `decompose`."""
+    target_edge: float = 0.0
+    """Wanted edge length, 0: by the number of quads; a run takes that of `decompose` (model units)."""
 
     def large(self, surface: TriMesh) -> Large:
         """Return which limbs of `surface` are large."""

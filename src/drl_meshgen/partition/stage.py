@@ -14,6 +14,7 @@ from drl_meshgen.mesh.topology import Topology, graph_components
 from drl_meshgen.partition.cutting import CutSurface, cut
 from drl_meshgen.partition.join_tree import join_tree
 from drl_meshgen.partition.levels import Level, PartitionOptions, choose_levels, isovalue_table
+from drl_meshgen.partition.thin import levelled
 from drl_meshgen.seams import Seam
 
 
@@ -92,10 +93,12 @@ def partition(
     u: Float[np.ndarray, " v"],
     options: PartitionOptions | None = None,
     seams: tuple[Seam, ...] = (),
+    size: Float[np.ndarray, " v"] | None = None,
 ) -> Partition:
     """Cut `surface` along isocontours of the depth of the log conformal factor `u` into caps, tubes and junctions.
 
     `surface` may have several components; where it was opened along `seams`, these join regions as contours do.
+    With `size`, the length of wanted edges at each vertex (model units), limbs too thin for them are left out.
 
     Raises `StageError` when a component is closed or a region has no loop.
     """
@@ -105,7 +108,11 @@ def partition(
     if len(root) < surface.topology.components[0]:
         raise StageError("partition", Outcome.NO_BOUNDARY)
     depth = smoothed_depth(surface, u, options.smoothing)
-    tree = join_tree(surface.topology.edges, depth, options.persistence, options.min_arc, options.large(surface))
+    large = options.large(surface)
+    tree = join_tree(surface.topology.edges, depth, options.persistence, options.min_arc, large)
+    while size is not None and (flat := levelled(surface, depth, tree, options, size)) is not depth:
+        depth = flat
+        tree = join_tree(surface.topology.edges, depth, options.persistence, options.min_arc, large)
     whole = CutSurface.whole(surface, depth)
     levels, done = [], whole
     for level in choose_levels(surface, depth, tree, options):
