@@ -37,15 +37,28 @@ SAMPLES = 2000
 #: A layout is as good as needed where its worst quads miss the wanted limits by no more than this (degrees).
 ENOUGH = 5.5
 
+#: So many fewer quads must stay folded with the turning that the charts give; less is chance (count).
+FEWER = 2
 
-class _Trial(NamedTuple):
-    """A candidate of each junction, taken to the end."""
+
+class _Way(NamedTuple):
+    """A candidate of each junction, and how bands and caps are turned."""
 
     chosen: tuple[int, ...]
+    by_charts: bool = False
+    """Whether the charts say how, instead of a search for few blocks."""
+
+
+class _Trial(NamedTuple):
+    """A way, taken to the end."""
+
+    way: _Way
     costs: Float[np.ndarray, " j"]
     """What is wrong around each junction (squared degrees)."""
     shortfall: float
     """What is wrong with the whole (degrees), the deviation left out of one that is enough."""
+    folded: int
+    """Quads that stay folded (count)."""
     is_enough: bool
     """Whether a better layout would not be worth the time."""
 
@@ -56,8 +69,9 @@ def choose(partition: Partition, field: SizeField, options: DecomposeOptions | N
     Trial k takes the k-th candidate of every junction, the most promising first (see `ranked`), for at most
     `options.candidates` of them, and a last one for each junction the candidate around which the fewest angles were
     missed. Each is optimised with `trial_options`. The first that is as good as needed stays, else the one with the
-    least shortfall (see `Figures`), deviation and blocks counted in. Where there are zones, which come before quality,
-    nothing is tried.
+    least shortfall (see `Figures`), deviation and blocks counted in. If `FEWER` or more quads stay folded even there,
+    it is tried once more without the search for few blocks, whose counts and twist a tight place may have no room for,
+    and that stays if so many fewer do. Where there are zones, which come before quality, nothing is tried.
 
     Raises `StageError` where a region or the counts have no solution, `InputError` where fixed counts contradict.
     """
@@ -69,33 +83,41 @@ def choose(partition: Partition, field: SizeField, options: DecomposeOptions | N
     search = TriangleSearch(field.surface.corners)
 
     @cache
-    def laid_out(chosen: tuple[int, ...]) -> Layout | None:
+    def laid_out(way: _Way) -> Layout | None:
         try:
-            return with_counts(partition, found.pieces(chosen), free, field)
+            return with_counts(partition, found.pieces(way.chosen), _turning(free, way), field)
         except StageError:  # the counts of one way to open a junction may have no solution; those of another may
             return None
 
     trials: list[_Trial] = []
 
-    def tried(chosen: tuple[int, ...]) -> bool:
+    def tried(way: _Way) -> bool:
         """Add a trial, if there are counts for it; return whether it is the last that is needed."""
-        layout = laid_out(chosen)
+        layout = laid_out(way)
         if layout is not None:
-            trials.append(_trial(partition, field, layout, chosen, search))
+            trials.append(_trial(partition, field, layout, way, search))
         return layout is not None and trials[-1].is_enough
 
-    chosen = tuple(0 for _ in ways)
+    way = _Way(tuple(0 for _ in ways))
     if max(ways, default=1) > 1:
-        uniform = [tuple(min(k, n - 1) for n in ways) for k in range(max(ways))]
+        uniform = [_Way(tuple(min(k, n - 1) for n in ways)) for k in range(max(ways))]
         if not any(map(tried, uniform)) and trials:
             best = np.argmin([trial.costs for trial in trials], axis=0).tolist()
-            mixed = tuple(trials[k].chosen[j] for j, k in enumerate(best))
+            mixed = _Way(tuple(trials[k].way.chosen[j] for j, k in enumerate(best)))
             if mixed not in uniform:
                 tried(mixed)
         if trials:
-            chosen = trials[-1].chosen if trials[-1].is_enough else min(trials, key=lambda one: one.shortfall).chosen
-    done = laid_out(chosen) if free == options else None
-    return done or with_counts(partition, found.pieces(chosen), options, field)
+            least = trials[-1] if trials[-1].is_enough else min(trials, key=lambda one: one.shortfall)
+            way = least.way
+            if least.folded >= FEWER and options.block_weight:
+                tried(way._replace(by_charts=True))
+                way = trials[-1].way if trials[-1].folded <= least.folded - FEWER else way
+    done = laid_out(way) if free == options else None
+    return done or with_counts(partition, found.pieces(way.chosen), _turning(options, way), field)
+
+
+def _turning(options: DecomposeOptions, way: _Way) -> DecomposeOptions:
+    return replace(options, block_weight=0.0) if way.by_charts else options
 
 
 def trial_options() -> SmoothingOptions:
@@ -106,9 +128,7 @@ def trial_options() -> SmoothingOptions:
     return replace(SmoothingOptions(), searches=0, unfold_rounds=1, repair_rounds=1)
 
 
-def _trial(
-    partition: Partition, field: SizeField, layout: Layout, chosen: tuple[int, ...], search: TriangleSearch
-) -> _Trial:
+def _trial(partition: Partition, field: SizeField, layout: Layout, way: _Way, search: TriangleSearch) -> _Trial:
     """Fill, lift, optimise and measure; `search` is for the surface."""
     surface, sizes, options = field.surface, field.at(layout.spacing), trial_options()
     assembly = assemble(layout, fill(partition, layout, sizes=sizes))
@@ -126,7 +146,7 @@ def _trial(
     if not is_enough:
         rim = mesh.topology.boundary_edges
         shortfall += DEVIATION * deviation(mesh, surface, rim, search, samples=SAMPLES).surface
-    return _Trial(chosen, np.array(costs), shortfall, is_enough)
+    return _Trial(way, np.array(costs), shortfall, figures.invalid, is_enough)
 
 
 def _figures(quality: Quality) -> Figures:

@@ -29,8 +29,8 @@ def shortfalls(monkeypatch):
     seen = []
     trial = choice._trial
 
-    def watched(partition, field, layout, chosen, search):
-        found = trial(partition, field, layout, chosen, search)
+    def watched(partition, field, layout, way, search):
+        found = trial(partition, field, layout, way, search)
         seen.append((shape(layout), found.shortfall))
         return found
 
@@ -61,9 +61,10 @@ def test_what_is_as_good_as_needed_stays_even_where_another_layout_has_less_shor
     results = iter([(1.0, False), (2.0, True)])
     tried = []
 
-    def trial(_partition, _field, layout, chosen, _search):
+    def trial(_partition, _field, layout, way, _search):
         tried.append(layout)
-        return choice._Trial(chosen, np.zeros(len(chosen)), *next(results))
+        shortfall, is_enough = next(results)
+        return choice._Trial(way, np.zeros(len(way.chosen)), shortfall, 0, is_enough)
 
     monkeypatch.setattr(choice, "_trial", trial)
     assert shape(choose(PARTITION, SIZES, OPTIONS)) == shape(tried[1])
@@ -89,16 +90,46 @@ def test_each_junction_gets_the_candidate_that_did_best_around_it(monkeypatch):
     run = chain("four limbs")
     tried = []
 
-    def trial(_partition, _field, layout, chosen, _search):
+    def trial(_partition, _field, layout, way, _search):
         tried.append(layout)
-        costs = np.array([(j + len(tried)) % 2 for j in range(len(chosen))], float)
-        return choice._Trial(chosen, costs, float(-len(tried)), is_enough=False)
+        costs = np.array([(j + len(tried)) % 2 for j in range(len(way.chosen))], float)
+        return choice._Trial(way, costs, float(-len(tried)), 0, is_enough=False)
 
     monkeypatch.setattr(choice, "_trial", trial)
     options = DecomposeOptions(target_quads=700, candidates=2)
     chosen = choose(run["partition"], run["sizing"], options)
     for j in range(len(chosen.pieces.junctions)):
         assert shape(chosen)[j] == shape(tried[(j + 1) % 2])[j]
+
+
+@pytest.mark.parametrize(("folded", "stays"), [(4, False), (3, False), (2, True)])
+def test_what_stays_folded_is_tried_with_the_turning_of_its_charts_which_stays_if_clearly_less_is_folded(
+    monkeypatch, folded, stays
+):
+    tried = []
+
+    def trial(_partition, _field, layout, way, _search):
+        tried.append(layout)
+        bad = 4 if layout.turning else folded
+        return choice._Trial(way, np.zeros(len(way.chosen)), 1000.0 * bad + len(tried), bad, is_enough=False)
+
+    monkeypatch.setattr(choice, "_trial", trial)
+    chosen = choose(PARTITION, SIZES, OPTIONS)
+    assert [layout.turning is None for layout in tried] == [False, False, False, True]
+    assert (chosen.turning is None) == stays
+    assert shape(chosen) == shape(tried[-1]) == shape(tried[0])
+
+
+def test_without_turning_nothing_is_tried_twice(monkeypatch):
+    tried = []
+
+    def trial(_partition, _field, _layout, way, _search):
+        tried.append(way)
+        return choice._Trial(way, np.zeros(len(way.chosen)), 4000.0, 4, is_enough=False)
+
+    monkeypatch.setattr(choice, "_trial", trial)
+    choose(PARTITION, SIZES, replace(OPTIONS, block_weight=0.0))
+    assert len(set(tried)) == len(tried) == 3
 
 
 def test_counts_that_people_fix_do_not_change_the_choice(shortfalls):
