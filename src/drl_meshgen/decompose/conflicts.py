@@ -27,7 +27,7 @@ def numbered(names: Sequence[str], given: Sequence[tuple[str, int]]) -> tuple[tu
 def contradiction(problem: CountProblem, names: Sequence[str]) -> InputError | None:
     """Return an error that names the given counts that cannot hold together; None where they can.
 
-    The fewest that contradict are found by leaving out one after the other as long as the rest is infeasible.
+    None also where there are no counts whatever is given. The fewest that contradict are found by leaving out one after the other as long as the rest is infeasible.
     """
     for count, value in problem.fixed:
         if value < problem.least[count]:
@@ -39,6 +39,8 @@ def contradiction(problem: CountProblem, names: Sequence[str]) -> InputError | N
         rest = [other for other in guilty if other != one]
         if not _feasible(replace(problem, fixed=tuple(rest))):
             guilty = rest
+    if not guilty:
+        return None
     said = _listed([f"{names[count]} = {value}" for count, value in guilty], "and")
     return InputError("layout", f"{said} {_rule(problem, guilty, names)}", _advice(problem, guilty[-1], names))
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from drl_meshgen.mesh import TriMesh
 from drl_meshgen.mesh.splitting import crossing, split_crossed
@@ -29,22 +29,41 @@ class CutSurface:
         return CutSurface(surface, depth, np.arange(len(surface.triangles)), np.full(len(surface.vertices), -1))
 
 
-def cut(surface: CutSurface, inside: np.ndarray, level: float, contour: int) -> CutSurface:
-    """Split every triangle that has corners both in and out of `inside (v,)` (bool) where depth passes `level`.
+def cut(
+    surface: CutSurface,
+    inside: Bool[np.ndarray, " v"],
+    level: float,
+    contour: int,
+    function: Float[np.ndarray, " v"] | None = None,
+) -> CutSurface:
+    """Split every triangle that has corners both in and out of `inside` where `function` (the depth) passes `level`.
 
     The crossing of edge `ij` is `v_i + (level - f_i) / (f_j - f_i) (v_j - v_i)` (eq. 9), kept clear of the ends.
     """
     edges = surface.mesh.topology.edges
     crossed = inside[edges[:, 0]] != inside[edges[:, 1]]
     a, b = edges[crossed].T
-    share = crossing(surface.depth[a], surface.depth[b], level)
+    passing = surface.depth if function is None else function
+    share = crossing(passing[a], passing[b], level)
     split = split_crossed(surface.mesh, crossed, share)
+    depth = np.full(len(share), level) if function is None else between(surface.depth, a, b, share)
     return CutSurface(
         split.mesh,
-        np.r_[surface.depth, np.full(len(share), level)],
+        np.r_[surface.depth, depth],
         surface.parent[split.parent],
         np.r_[surface.contour, np.full(len(share), contour)],
     )
+
+
+def between(
+    values: Float[np.ndarray, "v *k"],
+    a: Int[np.ndarray, " e"],
+    b: Int[np.ndarray, " e"],
+    share: Float[np.ndarray, " e"],
+) -> Float[np.ndarray, "e *k"]:
+    """Return what linear functions are at a share of the way from vertices `a` to `b`."""
+    t = np.clip(share, 0, 1).reshape(-1, *(1,) * (values.ndim - 1))
+    return values[a] + t * (values[b] - values[a])
 
 
 def midpoint_refined(mesh: TriMesh) -> TriMesh:

@@ -35,6 +35,13 @@ class PartitionOptions:
     """Farthest from a saddle that its contour is looked for (depth units)."""
     bottleneck: float = 1.3
     """A tube is put between the boundary and the first junction if its contour is at most this times the boundary."""
+    widening: float = 2.0
+    """A tube between junctions may end in a contour this much longer than that of its other end, else it has none
+    (ratio)."""
+    collar: float = 0.5
+    """Limbs that end in one of several loops are cut off where they are at least this long (girths); 0: never."""
+    flare: float = 2.0
+    """They end where the logarithm of their girth grows faster per girth (ratio; 2 pi in a plane)."""
     least_girth: float = 3.0
     """Small limbs of less typical girth stay with what they grow from (wanted edges); 0 keeps all."""
     small_limb: float = 20.0
@@ -142,13 +149,18 @@ def _levels_of(at: _ArcContours, rim: float, options: PartitionOptions) -> list[
         below = at.level(at.near_saddle(arc.high, -1.0, options), "bottleneck")
         return [below] if below.length <= options.bottleneck * rim else []
     upper, lower = at.near_saddle(arc.high, -1.0, options), at.near_saddle(arc.low, 1.0, options)
-    if upper - lower >= options.min_tube:
-        return [at.level(lower, "limb"), at.level(upper, "limb")]
-    return [at.level((upper + lower) / 2, "between junctions")]
+    if upper - lower < options.min_tube:
+        return [at.level((upper + lower) / 2, "between junctions")]
+    both = [at.level(lower, "limb"), at.level(upper, "limb")]
+    short = min(level.length for level in both)
+    return [level for level in both if level.length <= options.widening * short]
 
 
-def isovalue_table(tree: JoinTree, levels: tuple[Level, ...]) -> pd.DataFrame:
-    """One row per contour: isovalue, arc (its range, tips, junctions), length, why it was cut."""
+def isovalue_table(tree: JoinTree, levels: tuple[Level, ...], first: int = 0) -> pd.DataFrame:
+    """One row per contour: isovalue, arc (its range, tips, junctions), length, why it was cut.
+
+    Contours are numbered from `first`.
+    """
     rows = [
         {
             "contour": n,
@@ -162,7 +174,7 @@ def isovalue_table(tree: JoinTree, levels: tuple[Level, ...]) -> pd.DataFrame:
             "lower": tree.arcs[level.arc].lower,
             "tips": ",".join(map(str, sorted(tree.arcs[level.arc].tips))),
         }
-        for n, level in enumerate(levels)
+        for n, level in enumerate(levels, first)
     ]
     columns = ["contour", "isovalue", "reason", "length", "arc", "arc_low", "arc_high", "upper", "lower", "tips"]
     return pd.DataFrame(rows, columns=columns)

@@ -5,12 +5,13 @@ from enum import Enum
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from drl_meshgen.errors import StageError
 from drl_meshgen.mesh import TriMesh
 from drl_meshgen.mesh.cutgraph import trace
 from drl_meshgen.mesh.topology import Topology, graph_components
+from drl_meshgen.partition.collars import with_collars
 from drl_meshgen.partition.cutting import CutSurface, cut
 from drl_meshgen.partition.join_tree import join_tree
 from drl_meshgen.partition.levels import Level, PartitionOptions, choose_levels, isovalue_table
@@ -36,7 +37,10 @@ class RegionKind(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A closed curve of vertices of the cut surface: a contour, a boundary loop or one side of a seam."""
+    """A closed curve of vertices of the cut surface: a contour, a boundary loop or one side of a seam.
+
+    `level` is its depth, NaN for contours of other functions (see `with_collars`).
+    """
 
     vertices: Int[np.ndarray, " n"]
     is_boundary: bool
@@ -113,24 +117,62 @@ def partition(
     while size is not None and (flat := levelled(surface, depth, tree, options, size)) is not depth:
         depth = flat
         tree = join_tree(surface.topology.edges, depth, options.persistence, options.min_arc, large)
-    whole = CutSurface.whole(surface, depth)
-    levels, done = [], whole
-    for level in choose_levels(surface, depth, tree, options):
-        inside = filled_superlevel(done, level, root[int(component[level.tip])])
-        if inside is not None:
-            done = cut(done, inside, level.value, len(levels))
+    done, tube = with_collars(CutSurface.whole(surface, depth), _loops_among_others(surface), 0, options)
+    first = int(tube.max(initial=-1)) + 1
+    levels: list[Level] = []
+    wanted = choose_levels(surface, depth, tree, options)
+    caps = {level.arc: level for level in wanted if level.reason == "cap"}
+    for level in wanted:
+        inside, cap = (
+            None if one is None else filled_superlevel(done, one, root[int(component[one.tip])])
+            for one in (level, caps.get(level.arc))
+        )
+        if inside is not None and not _spoils(inside, level, cap, done, tube):
+            done = cut(done, inside, level.value, first + len(levels))
+            tube = np.r_[tube, np.full(len(done.mesh.vertices) - len(tube), -1)]
             levels.append(level)
-    curves, pairs = _curves(done, tuple(levels), seams)
+    values = (*[np.nan] * first, *(level.value for level in levels))
+    curves, pairs = _curves(done, values, seams)
     region, regions = _regions(done, curves)
-    isovalues = isovalue_table(tree, tuple(levels))
+    isovalues = isovalue_table(tree, tuple(levels), first)
     return Partition(done, curves, region, regions, tree.merges, isovalues, Outcome.DONE, pairs)
+
+
+def _loops_among_others(surface: TriMesh) -> tuple[Int[np.ndarray, " n"], ...]:
+    """Boundary loops that are not the only one of their component: what is behind such a one is no limb."""
+    loops, component = surface.topology.loops, surface.vertex_components
+    count = np.bincount([component[loop[0]] for loop in loops])
+    return tuple(loop for loop in loops if count[component[loop[0]]] > 1)
+
+
+def _spoils(
+    inside: Bool[np.ndarray, " v"],
+    level: Level,
+    cap: Bool[np.ndarray, " v"] | None,
+    surface: CutSurface,
+    tube: Int[np.ndarray, " v"],
+) -> bool:
+    """Whether a contour around `inside` runs through a tube, or ends a limb at a loop, which only tubes do.
+
+    `cap` is what the contour of the cap of the same limb is around: with a loop in it, it is no cap.
+    """
+    whole = np.bincount(tube[tube >= 0])
+    part = np.bincount(tube[inside & (tube >= 0)], minlength=len(whole))
+    if ((part > 0) & (part < whole)).any():
+        return True
+    firsts = [loop[0] for loop in surface.mesh.topology.loops]
+    loops = int(inside[firsts].sum())
+    if level.reason == "cap":
+        return loops > 0
+    return loops == 1 and (cap is None or bool(cap[firsts].any()))
 
 
 def filled_superlevel(surface: CutSurface, level: Level, root: int) -> np.ndarray | None:
     """Vertices of the superlevel component of `level` with its holes filled, so that its border is one closed curve.
 
     A hole is a component of the complement without the vertex `root` (on the main boundary of that component of the
-    surface). None when the component is the whole surface or only a tip of it is left.
+    surface), or all but the largest where `root` is inside. None when the component is the whole surface or only a tip
+    of it is left.
     """
     here = surface.mesh.vertex_components
     here = here == here[root]
@@ -140,19 +182,20 @@ def filled_superlevel(surface: CutSurface, level: Level, root: int) -> np.ndarra
     core = label == label[level.tip]
     rest = here & ~core
     outside = graph_components(edges[rest[edges].all(1)], len(above))
-    inside = core | (rest & (outside != outside[root]))
+    main = np.bincount(outside[rest]).argmax() if core[root] and rest.any() else outside[root]
+    inside = core | (rest & (outside != main))
     return inside if above[level.tip] and 3 < inside.sum() < here.sum() - 3 else None
 
 
 def _curves(
-    surface: CutSurface, levels: tuple[Level, ...], seams: tuple[Seam, ...]
+    surface: CutSurface, levels: tuple[float, ...], seams: tuple[Seam, ...]
 ) -> tuple[tuple[Curve, ...], tuple[tuple[int, int], ...]]:
     """Contours, then both sides of the seams, then boundary loops; and which curves are sides of one seam."""
     edges = surface.mesh.topology.edges
     c = surface.contour
     curves = []
     for n, level in enumerate(levels):
-        curves += [Curve(v, is_boundary=False, level=level.value) for v in trace(edges[(c[edges] == n).all(1)])]
+        curves += [Curve(v, is_boundary=False, level=level) for v in trace(edges[(c[edges] == n).all(1)])]
     pairs = tuple((len(curves) + 2 * k, len(curves) + 2 * k + 1) for k in range(len(seams)))
     for seam in seams:
         curves += [Curve(side, is_boundary=False, level=0.0) for side in (seam.left, seam.right)]
@@ -161,11 +204,16 @@ def _curves(
     return (*curves, *(Curve(loop, is_boundary=True, level=0.0) for loop in loops)), pairs
 
 
-def _regions(surface: CutSurface, curves: tuple[Curve, ...]) -> tuple[np.ndarray, tuple[Region, ...]]:
+def _labels(surface: CutSurface) -> Int[np.ndarray, " f"]:
+    """Region of each triangle."""
     topology = surface.mesh.topology
     c = surface.contour[topology.edges]
     open_edge = (topology.edge_count == 2) & ~((c[:, 0] >= 0) & (c[:, 0] == c[:, 1]))
-    label = graph_components(topology.edge_faces[open_edge], len(surface.mesh.triangles))
+    return graph_components(topology.edge_faces[open_edge], len(surface.mesh.triangles))
+
+
+def _regions(surface: CutSurface, curves: tuple[Curve, ...]) -> tuple[np.ndarray, tuple[Region, ...]]:
+    label = _labels(surface)
     curve_of = np.full(len(surface.mesh.vertices), -1)
     for n, curve in enumerate(curves):
         curve_of[curve.vertices] = n
