@@ -27,7 +27,8 @@ def numbered(names: Sequence[str], given: Sequence[tuple[str, int]]) -> tuple[tu
 def contradiction(problem: CountProblem, names: Sequence[str]) -> InputError | None:
     """Return an error that names the given counts that cannot hold together; None where they can.
 
-    None also where there are no counts whatever is given. The fewest that contradict are found by leaving out one after the other as long as the rest is infeasible.
+    None also where there are no counts, whatever is given. The fewest that contradict are found by leaving out one
+    after the other as long as the rest is infeasible.
     """
     for count, value in problem.fixed:
         if value < problem.least[count]:
