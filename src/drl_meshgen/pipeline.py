@@ -160,7 +160,7 @@ def _partition(inputs: Mapping[str, Any], options: PartitionOptions) -> Any:
 def _sizing(inputs: Mapping[str, Any], options: SizeOptions) -> Any:
     """Say how large quads should be where, relative to the global spacing or by the user's word."""
     cleaned: CleanupResult = inputs["cleanup"]
-    return size_field(cleaned.surface, options, cleaned.point_data.get("size"))
+    return size_field(cleaned.surface, options, cleaned.point_data.get("size"), inputs["seams"].loops)
 
 
 def _decompose(inputs: Mapping[str, Any], options: DecomposeOptions) -> Any:
@@ -232,7 +232,7 @@ STAGES: tuple[Stage[Any, Any], ...] = (
     _stage(_cleanup, ("model",), ("drl_meshgen.cleanup",), codecs.CLEANUP, CleanupOptions),
     _stage(_seams, ("cleanup",), ("drl_meshgen.seams",), codecs.SEAMS, SeamOptions),
     _stage(_ricci, ("seams",), ("drl_meshgen.ricci",), codecs.RICCI, RicciOptions),
-    _stage(_sizing, ("cleanup",), ("drl_meshgen.sizing",), codecs.SIZING, SizeOptions),
+    _stage(_sizing, ("cleanup", "seams"), ("drl_meshgen.sizing",), codecs.SIZING, SizeOptions),
     _stage(_partition, ("seams", "ricci", "sizing"), ("drl_meshgen.partition",), codecs.PARTITION, PartitionOptions),
     _stage(_decompose, ("partition", "sizing"), ("drl_meshgen.choice",), codecs.LAYOUT, DecomposeOptions),
     _stage(_subdomain, ("partition", "sizing", "decompose"), ("drl_meshgen.assembly",), codecs.SUBDOMAINS),

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drl_meshgen.decompose.cells import submesh
 from drl_meshgen.mesh import TriMesh
 from drl_meshgen.mesh.curves import closed_length
 from drl_meshgen.mesh.cutgraph import trace
@@ -65,7 +66,15 @@ def test_collars_do_not_depend_on_the_unit_of_length():
     assert lengths(two) == pytest.approx([1e3 * x for x in lengths(one)], rel=0.03)
 
 
-def test_a_tube_behind_a_loop_becomes_a_region_though_the_depth_is_flat():
+def test_a_surface_that_is_a_tube_stays_one():
     surface = trumpet(8.0)
-    regions = partition(surface, np.zeros(len(surface.vertices))).regions
-    assert [region.kind for region in regions] == [RegionKind.TUBE, RegionKind.TUBE]
+    assert [region.kind for region in partition(surface, np.zeros(len(surface.vertices))).regions] == [RegionKind.TUBE]
+
+
+def test_a_tube_behind_one_of_three_loops_becomes_a_region_though_the_depth_is_flat():
+    whole = trumpet(8.0)
+    foot = whole.vertices[:, 2].max()
+    x, y, z = whole.corners.mean(axis=1).T
+    holed = submesh(whole, np.nonzero((np.hypot(x - 5, y) > 1) | (z < foot - 0.1))[0])[0]
+    kinds = sorted(region.kind.value for region in partition(holed, np.zeros(len(holed.vertices))).regions)
+    assert kinds == ["junction", "tube"]

@@ -74,6 +74,17 @@ def test_later_regions_count_more_than_earlier_ones_and_both_more_than_the_array
     assert np.all(size_field(SURFACE, None, np.full(n, 0.3)).wanted == 0.3)
 
 
+def test_the_edges_asked_for_fit_around_short_loops_and_long_ones_change_nothing():
+    loop = SURFACE.vertices[SURFACE.topology.loops[0]]
+    length = np.linalg.norm(loop - np.roll(loop, 1, axis=0), axis=1).sum()
+    field = size_field(SURFACE, SizeOptions(around=8), loops=[loop])
+    short = field.at(length)
+    assert short.length(np.vstack([loop, loop[:1]])) == pytest.approx(8, rel=1e-9)
+    assert short.size.max() <= length
+    assert field.at(length / 20).uniform
+    assert size_field(SURFACE, SizeOptions(around=0), loops=[loop]).at(length).uniform
+
+
 def test_numbers_that_are_no_lengths_ask_for_nothing():
     given = np.full(len(SURFACE.vertices), 0.3)
     given[:3] = [np.nan, 0.0, -1.0]

@@ -1,4 +1,4 @@
-"""Files of the sizing stage: `surface.vtu` with point arrays `factor` and `wanted`, and the gradation."""
+"""Files of the sizing stage: `surface.vtu` with point arrays `factor`, `wanted` and `most`, and the gradation."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from drl_meshgen.sizing import SizeField
 
 def write(result: SizeField, folder: Path) -> None:
     """Write the wanted sizes."""
-    arrays = {"factor": result.factor, "wanted": result.wanted}
+    arrays = {"factor": result.factor, "wanted": result.wanted, "most": result.most}
     write_grid(folder / "surface.vtu", result.surface.vertices, result.surface.triangles, arrays)
     write_facts(folder, gradation=result.gradation)
 
@@ -16,7 +16,8 @@ def write(result: SizeField, folder: Path) -> None:
 def read(folder: Path) -> SizeField:
     """Read the wanted sizes."""
     grid = read_grid(folder / "surface.vtu")
-    return SizeField(grid.surface, grid.point["factor"], grid.point["wanted"], read_facts(folder).gradation)
+    arrays = (grid.point[name] for name in ("factor", "wanted", "most"))
+    return SizeField(grid.surface, *arrays, read_facts(folder).gradation)
 
 
 SIZING = Codec(write, read, __name__)

@@ -72,21 +72,26 @@ def arc_lengths(
 ) -> Float[np.ndarray, " n"]:
     """Length of the isocontours of `depth` at `values` within `faces` (model units)."""
     tri = surface.triangles[faces]
-    f = depth[tri]
-    order = np.argsort(f, axis=1, kind="stable")
-    p = np.take_along_axis(surface.vertices[tri], order[..., None], axis=1)
-    lo, mid, hi = np.take_along_axis(f, order, axis=1).T
+    rising = np.argsort(depth[tri], axis=1, kind="stable")
+    tri = np.take_along_axis(tri, rising, axis=1)
+    order = np.argsort(values, kind="stable")
+    # the values strictly between the lowest and the highest corner of each triangle, one after the other
+    first = np.searchsorted(values[order], depth[tri[:, 0]], side="right")
+    count = np.maximum(np.searchsorted(values[order], depth[tri[:, 2]]) - first, 0)
+    tri = np.repeat(tri, count, axis=0)
+    at = np.arange(len(tri)) - np.repeat(np.cumsum(count) - count - first, count)
+    value = values[order][at]
+    p, f = surface.vertices, depth
 
-    def between(k: int, m: int, fk: np.ndarray, fm: np.ndarray, value: float) -> np.ndarray:
-        t = np.clip((value - fk) / np.where(fm > fk, fm - fk, 1.0), 0, 1)[:, None]
-        return p[:, k] + t * (p[:, m] - p[:, k])
+    def between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        share = np.clip((value - f[a]) / np.where(f[b] > f[a], f[b] - f[a], 1.0), 0, 1)[:, None]
+        return p[a] + share * (p[b] - p[a])
 
-    out = np.zeros(len(values))
-    for n, value in enumerate(values.tolist()):
-        on = (lo < value) & (value < hi)
-        far = between(0, 2, lo, hi, value)
-        near = np.where((value < mid)[:, None], between(0, 1, lo, mid, value), between(1, 2, mid, hi, value))
-        out[n] = np.linalg.norm(far - near, axis=1)[on].sum()
+    low, middle, high = tri.T
+    below = value < f[middle]
+    near = between(np.where(below, low, middle), np.where(below, middle, high))
+    out = np.empty(len(values))
+    out[order] = np.bincount(at, np.linalg.norm(between(low, high) - near, axis=1), len(values))
     return out
 
 

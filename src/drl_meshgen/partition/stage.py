@@ -117,10 +117,11 @@ def partition(
     while size is not None and (flat := levelled(surface, depth, tree, options, size)) is not depth:
         depth = flat
         tree = join_tree(surface.topology.edges, depth, options.persistence, options.min_arc, large)
-    done, tube = with_collars(CutSurface.whole(surface, depth), _loops_among_others(surface), 0, options)
+    wanted = choose_levels(surface, depth, tree, options)
+    limbs = np.bincount([component[level.tip] for level in wanted], minlength=component.max() + 1)
+    done, tube = with_collars(CutSurface.whole(surface, depth), _loops_among_others(surface, limbs), 0, options)
     first = int(tube.max(initial=-1)) + 1
     levels: list[Level] = []
-    wanted = choose_levels(surface, depth, tree, options)
     caps = {level.arc: level for level in wanted if level.reason == "cap"}
     for level in wanted:
         inside, cap = (
@@ -138,11 +139,12 @@ def partition(
     return Partition(done, curves, region, regions, tree.merges, isovalues, Outcome.DONE, pairs)
 
 
-def _loops_among_others(surface: TriMesh) -> tuple[Int[np.ndarray, " n"], ...]:
-    """Boundary loops that are not the only one of their component: what is behind such a one is no limb."""
+def _loops_among_others(surface: TriMesh, limbs: Int[np.ndarray, " c"]) -> tuple[Int[np.ndarray, " n"], ...]:
+    """Boundary loops of components that are neither disks, of which the rest is no limb, nor tubes without `limbs`."""
     loops, component = surface.topology.loops, surface.vertex_components
-    count = np.bincount([component[loop[0]] for loop in loops])
-    return tuple(loop for loop in loops if count[component[loop[0]]] > 1)
+    count = np.bincount([component[loop[0]] for loop in loops], minlength=len(limbs))
+    enough = (count > 1) & (count + limbs > 2)  # noqa: PLR2004
+    return tuple(loop for loop in loops if enough[component[loop[0]]])
 
 
 def _spoils(

@@ -5,7 +5,7 @@ from enum import Enum
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from drl_meshgen.errors import StageError
 from drl_meshgen.mesh import FeatureCurve, TriMesh
@@ -52,6 +52,11 @@ class OpenedSurface:
     seams: tuple[Seam, ...]
     table: pd.DataFrame
     features: tuple[FeatureCurve, ...] = ()
+
+    @property
+    def loops(self) -> tuple[Float[np.ndarray, "n 3"], ...]:
+        """Points of all boundary loops, either side of seams included."""
+        return tuple(self.mesh.vertices[loop] for loop in self.mesh.topology.loops)
 
 
 def open_surface(

@@ -1,6 +1,7 @@
 """Wanted edge lengths on a surface: a factor on the global spacing from curvature, absolute ones from the user."""
 
 from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
 from drl_meshgen.mesh import TriMesh
+from drl_meshgen.mesh.curves import closed_length
 from drl_meshgen.sizing.curvature import largest_curvature
 
 #: Curvature is averaged over this share of the square root of the surface's area.
@@ -28,6 +30,8 @@ class SizeOptions:
     """Largest size that curvature allows, as a factor on that at median curvature."""
     gradation: float = 0.3
     """Most that the size grows per length along the surface (ratio)."""
+    around: float = 8.0
+    """Edges that are to fit around boundary loops and seams, however short (count); 0: does not matter."""
     regions: tuple[tuple[float, float, float, float, float], ...] = ()
     """Balls with an edge length of their own: x, y, z of the centre, radius, edge length (model units)."""
 
@@ -84,19 +88,21 @@ class Sizes:
 class SizeField:
     """What sizes are asked for on a surface, before the global spacing is known.
 
-    `factor (v,)` multiplies the spacing; `wanted (v,)` is an edge length in its place (model units; NaN: none).
+    `factor (v,)` multiplies the spacing; `wanted (v,)` is an edge length in its place (model units; NaN: none);
+    `most (v,)` is the longest that either may be (model units; infinity: no matter).
     """
 
     surface: TriMesh
     factor: Float[np.ndarray, " v"]
     wanted: Float[np.ndarray, " v"]
+    most: Float[np.ndarray, " v"]
     gradation: float
 
     @staticmethod
     def uniform(surface: TriMesh) -> "SizeField":
         """Return the field that asks for one size everywhere."""
         n = len(surface.vertices)
-        return SizeField(surface, np.ones(n), np.full(n, np.nan), SizeOptions.gradation)
+        return SizeField(surface, np.ones(n), np.full(n, np.nan), np.full(n, np.inf), SizeOptions.gradation)
 
     @property
     def fixed(self) -> bool:
@@ -116,7 +122,7 @@ class SizeField:
         They grow at most by `gradation` per length along the edges of the surface: the smaller size wins, and
         `h(v) = min over w of h(w) + gradation |vw|`.
         """
-        size = np.where(np.isnan(self.wanted), spacing * self.factor, self.wanted)
+        size = np.minimum(np.where(np.isnan(self.wanted), spacing * self.factor, self.wanted), self.most)
         if np.ptp(size) > 0:
             graph, n = self._graph, len(size)
             start = coo_matrix((size, (np.full(n, n), np.arange(n))), graph.shape)
@@ -125,11 +131,15 @@ class SizeField:
 
 
 def size_field(
-    surface: TriMesh, options: SizeOptions | None = None, given: Float[np.ndarray, " v"] | None = None
+    surface: TriMesh,
+    options: SizeOptions | None = None,
+    given: Float[np.ndarray, " v"] | None = None,
+    loops: Sequence[Float[np.ndarray, "n 3"]] = (),
 ) -> SizeField:
     """Put together what options and the array `given` (edge lengths, model units; NaN, 0 or less: none) ask for.
 
-    The regions of the options count more than the array, later regions more than earlier ones.
+    The regions of the options count more than the array, later regions more than earlier ones. `loops` are closed
+    curves on the surface around which `options.around` edges are to fit.
     """
     options = options or SizeOptions()
     factor = np.ones(len(surface.vertices))
@@ -141,7 +151,12 @@ def size_field(
     wanted = np.full(len(factor), np.nan) if given is None else np.where(given > 0, given, np.nan)
     for *centre, radius, size in options.regions:
         wanted[np.linalg.norm(surface.vertices - np.array(centre), axis=1) <= radius] = size
-    return SizeField(surface, factor, wanted, options.gradation)
+    most = np.full(len(factor), np.inf)
+    if options.around and loops:
+        near = KDTree(surface.vertices)
+        for loop in loops:
+            np.minimum.at(most, near.query(loop)[1], closed_length(loop) / options.around)
+    return SizeField(surface, factor, wanted, most, options.gradation)
 
 
 def vertex_areas(surface: TriMesh) -> Float[np.ndarray, " v"]:
