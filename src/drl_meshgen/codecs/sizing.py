@@ -16,8 +16,8 @@ def write(result: SizeField, folder: Path) -> None:
 def read(folder: Path) -> SizeField:
     """Read the wanted sizes."""
     grid = read_grid(folder / "surface.vtu")
-    arrays = (grid.point[name] for name in ("factor", "wanted", "most"))
-    return SizeField(grid.surface, *arrays, read_facts(folder).gradation)
+    point = grid.point
+    return SizeField(grid.surface, point["factor"], point["wanted"], point["most"], read_facts(folder).gradation)
 
 
 SIZING = Codec(write, read, __name__)

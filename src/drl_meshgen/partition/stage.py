@@ -143,7 +143,7 @@ def _loops_among_others(surface: TriMesh, limbs: Int[np.ndarray, " c"]) -> tuple
     """Boundary loops of components that are neither disks, of which the rest is no limb, nor tubes without `limbs`."""
     loops, component = surface.topology.loops, surface.vertex_components
     count = np.bincount([component[loop[0]] for loop in loops], minlength=len(limbs))
-    enough = (count > 1) & (count + limbs > 2)  # noqa: PLR2004
+    enough = (count > 1) & (count + limbs > 2)
     return tuple(loop for loop in loops if enough[component[loop[0]]])
 
 

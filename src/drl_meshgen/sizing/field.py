@@ -1,7 +1,7 @@
 """Wanted edge lengths on a surface: a factor on the global spacing from curvature, absolute ones from the user."""
 
-from dataclasses import dataclass
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
