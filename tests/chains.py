@@ -9,6 +9,7 @@ from drl_meshgen.cleanup import CleanupOptions
 from drl_meshgen.mesh import TriMesh
 from drl_meshgen.models.surface import RawSurface
 from drl_meshgen.pipeline import STAGES, MeshOptions
+from drl_meshgen.sizing import SizeOptions
 from drl_meshgen.store import Execution, execute
 from tests.strategies import bumpy_disk, flat_disk, limbed_disk
 
@@ -70,11 +71,11 @@ def surface_of(name: str) -> TriMesh:
 
 
 def run_on(surface: TriMesh, quads: int, targets: list[str] | None = None, **layout: object) -> Execution:
-    """Run all stages (or up to `targets`) on a surface, unrefined, in memory."""
+    """Run all stages (or up to `targets`) on a surface, unrefined, in memory; holes ask for no smaller quads."""
     raw = RawSurface("surface", surface.vertices, surface.triangles)
     given = replace(STAGES[0], run=lambda _inputs, _options: raw)
     options = replace(MeshOptions().sized(quads), cleanup=CleanupOptions(min_triangles=0))
-    options = replace(options, decompose=replace(options.decompose, **layout))
+    options = replace(options, sizing=SizeOptions(around=0), decompose=replace(options.decompose, **layout))
     return execute((given, *STAGES[1:]), options.by_stage("surface"), targets=targets)
 
 
