@@ -8,14 +8,13 @@ levels over that modulus tell where the tube flares.
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from drl_meshgen.lift.harmonic import corner_weights, dirichlet, stiffness
 from drl_meshgen.mesh import TriMesh
 from drl_meshgen.mesh.curves import closed_length
 from drl_meshgen.mesh.splitting import crossing
-from drl_meshgen.mesh.topology import graph_components
-from drl_meshgen.partition.cutting import CutSurface, between, cut
+from drl_meshgen.partition.cutting import CutSurface, between, cut, superlevel
 from drl_meshgen.partition.levels import PartitionOptions, arc_lengths
 
 SAMPLES = 49
@@ -40,7 +39,7 @@ def with_collars(
         level = _end(surface.mesh, functions[:, k], curve, float(flux[k]), options)
         if level is None:
             continue
-        inside = _filled(surface, functions[:, k] > level, curve)
+        inside = superlevel(surface.mesh, functions[:, k] > level, int(curve[0]))
         others = surface.mesh.topology.on_boundary | (surface.contour >= 0)
         others[curve] = False
         if inside[others].any():
@@ -88,14 +87,3 @@ def _end(
     wide = (flare > options.flare) | (girth > options.widening * np.minimum.accumulate(girth))
     last = int(np.argmax(wide)) - 1 if wide.any() else len(girth) - 1
     return float(values[last - 1]) if last > 0 and modulus[last] >= options.collar else None
-
-
-def _filled(surface: CutSurface, above: Bool[np.ndarray, " v"], loop: Int[np.ndarray, " n"]) -> Bool[np.ndarray, " v"]:
-    """Component of `above` with the loop, its holes filled: all of the complement but the largest component."""
-    edges = surface.mesh.topology.edges
-    label = graph_components(edges[above[edges].all(1)], len(above))
-    component = surface.mesh.vertex_components
-    core = above & (label == label[loop[0]])
-    rest = (component == component[loop[0]]) & ~core
-    outside = graph_components(edges[rest[edges].all(1)], len(above))
-    return core | (rest & (outside != np.bincount(outside[rest]).argmax()))

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Int
 
 from drl_meshgen.mesh import TriMesh
 from drl_meshgen.mesh.splitting import crossing, split_crossed
-from drl_meshgen.mesh.topology import Topology
+from drl_meshgen.mesh.topology import Topology, graph_components
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +53,24 @@ def cut(
         surface.parent[split.parent],
         np.r_[surface.contour, np.full(len(share), contour)],
     )
+
+
+def superlevel(
+    mesh: TriMesh, above: Bool[np.ndarray, " v"], tip: int, root: int | None = None
+) -> Bool[np.ndarray, " v"]:
+    """Vertices of the component of `above` with `tip`, its holes filled, so that its border is one closed curve.
+
+    A hole is a component of the complement without `root`; all but the largest where there is no root or it is inside.
+    """
+    edges = mesh.topology.edges
+    component = mesh.vertex_components
+    label = graph_components(edges[above[edges].all(1)], len(above))
+    core = label == label[tip]
+    rest = (component == component[tip]) & ~core
+    outside = graph_components(edges[rest[edges].all(1)], len(above))
+    by_size = root is None or core[root]
+    main = np.bincount(outside[rest], minlength=1).argmax() if by_size else outside[root]
+    return core | (rest & (outside != main))
 
 
 def between(

@@ -36,8 +36,8 @@ class PartitionOptions:
     bottleneck: float = 1.3
     """A tube is put between the boundary and the first junction if its contour is at most this times the boundary."""
     widening: float = 2.0
-    """A tube between junctions may end in a contour this much longer than that of its other end, else it has none
-    (ratio)."""
+    """A tube may end in a contour this much longer than its shortest: between junctions it has none there else,
+    behind a loop it ends before (ratio)."""
     collar: float = 0.5
     """Limbs that end in one of several loops are cut off where they are at least this long (girths); 0: never."""
     flare: float = 2.0

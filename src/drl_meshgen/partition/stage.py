@@ -12,7 +12,7 @@ from drl_meshgen.mesh import TriMesh
 from drl_meshgen.mesh.cutgraph import trace
 from drl_meshgen.mesh.topology import Topology, graph_components
 from drl_meshgen.partition.collars import with_collars
-from drl_meshgen.partition.cutting import CutSurface, cut
+from drl_meshgen.partition.cutting import CutSurface, cut, superlevel
 from drl_meshgen.partition.join_tree import join_tree
 from drl_meshgen.partition.levels import Level, PartitionOptions, choose_levels, isovalue_table
 from drl_meshgen.partition.thin import levelled
@@ -169,24 +169,17 @@ def _spoils(
     return loops == 1 and (cap is None or bool(cap[firsts].any()))
 
 
-def filled_superlevel(surface: CutSurface, level: Level, root: int) -> np.ndarray | None:
-    """Vertices of the superlevel component of `level` with its holes filled, so that its border is one closed curve.
+def filled_superlevel(surface: CutSurface, level: Level, root: int) -> Bool[np.ndarray, " v"] | None:
+    """Vertices of the superlevel component of `level` with its holes filled (see `superlevel`).
 
-    A hole is a component of the complement without the vertex `root` (on the main boundary of that component of the
-    surface), or all but the largest where `root` is inside. None when the component is the whole surface or only a tip
-    of it is left.
+    `root` is on the main boundary of that component of the surface. None when the component is the whole surface or
+    only a tip of it is left.
     """
-    here = surface.mesh.vertex_components
-    here = here == here[root]
-    edges = surface.mesh.topology.edges
     above = surface.depth > level.value
-    label = graph_components(edges[above[edges].all(1)], len(above))
-    core = label == label[level.tip]
-    rest = here & ~core
-    outside = graph_components(edges[rest[edges].all(1)], len(above))
-    main = np.bincount(outside[rest]).argmax() if core[root] and rest.any() else outside[root]
-    inside = core | (rest & (outside != main))
-    return inside if above[level.tip] and 3 < inside.sum() < here.sum() - 3 else None
+    inside = superlevel(surface.mesh, above, level.tip, root)
+    component = surface.mesh.vertex_components
+    here = int((component == component[root]).sum())
+    return inside if above[level.tip] and 3 < inside.sum() < here - 3 else None
 
 
 def _curves(
