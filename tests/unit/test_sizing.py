@@ -12,6 +12,7 @@ from drl_meshgen.mesh import TriMesh
 from drl_meshgen.models.hemisphere import hemisphere
 from drl_meshgen.pipeline import MeshOptions, mesh_surface
 from drl_meshgen.sizing import SizeField, SizeOptions, Sizes, largest_curvature, size_field
+from drl_meshgen.sizing.field import gaps
 from drl_meshgen.smoothing import SmoothingOptions, optimise
 from tests.chains import chain, surface_of, tube
 from tests.strategies import flat_disk
@@ -83,6 +84,33 @@ def test_the_edges_asked_for_fit_around_short_loops_and_long_ones_change_nothing
     assert short.size.max() <= length
     assert field.at(length / 20).uniform
     assert size_field(SURFACE, SizeOptions(around=0), loops=[loop]).at(length).uniform
+
+
+def rings(heights: list[float]) -> tuple[TriMesh, list[np.ndarray], float]:
+    """A tube, its vertices at some heights, and the length of a way along edges per height."""
+    pipe = tube(24, 24, np.full(25, 1.0), np.linspace(0, 3, 25))
+    way = float(np.linalg.norm(pipe.vertices[24] - pipe.vertices[0])) / 0.125
+    return pipe, [np.flatnonzero(np.isclose(pipe.vertices[:, 2], z)) for z in heights], way
+
+
+def test_the_edges_asked_for_fit_between_near_loops_and_far_ones_change_nothing():
+    pipe, (low, high), way = rings([0.0, 0.5])
+    loops = [pipe.vertices[low], pipe.vertices[high]]
+    for edges in (2, 3):
+        wanted = 0.5 * way / edges
+        size = size_field(pipe, SizeOptions(around=0, between=edges), loops=loops).at(1.0).size
+        assert [size[low].min(), size[high].min(), size.min()] == pytest.approx([wanted] * 3)
+        assert size_field(pipe, SizeOptions(around=0, between=edges), loops=loops).at(0.99 * wanted).uniform
+    assert size_field(pipe, SizeOptions(around=0, between=0), loops=loops).at(1.0).uniform
+    assert size_field(pipe, SizeOptions(around=0), loops=loops[:1]).at(1.0).uniform
+
+
+def test_each_set_is_as_far_as_the_nearest_other_one_whatever_their_order():
+    pipe, sets, way = rings([0.0, 1.0, 3.0])
+    for order in ([0, 1, 2], [2, 0, 1]):
+        gap = gaps(pipe, [sets[k] for k in order])
+        assert [gap[one].min() / way for one in sets] == pytest.approx([1, 1, 2])
+    assert not np.isfinite(gaps(pipe, sets[:1])).any()
 
 
 def test_numbers_that_are_no_lengths_ask_for_nothing():

@@ -32,6 +32,8 @@ class SizeOptions:
     """Most that the size grows per length along the surface (ratio)."""
     around: float = 8.0
     """Edges that are to fit around boundary loops and seams, however short (count); 0: does not matter."""
+    between: float = 2.0
+    """Edges that are to fit between two boundary loops or seams, however near (count); 0: does not matter."""
     regions: tuple[tuple[float, float, float, float, float], ...] = ()
     """Balls with an edge length of their own: x, y, z of the centre, radius, edge length (model units)."""
 
@@ -139,7 +141,7 @@ def size_field(
     """Put together what options and the array `given` (edge lengths, model units; NaN, 0 or less: none) ask for.
 
     The regions of the options count more than the array, later regions more than earlier ones. `loops` are closed
-    curves on the surface around which `options.around` edges are to fit.
+    curves on the surface around which `options.around` edges are to fit, and `options.between` between them.
     """
     options = options or SizeOptions()
     factor = np.ones(len(surface.vertices))
@@ -152,11 +154,35 @@ def size_field(
     for *centre, radius, size in options.regions:
         wanted[np.linalg.norm(surface.vertices - np.array(centre), axis=1) <= radius] = size
     most = np.full(len(factor), np.inf)
-    if options.around and loops:
-        near = KDTree(surface.vertices)
-        for loop in loops:
-            np.minimum.at(most, near.query(loop)[1], closed_length(loop) / options.around)
+    near = KDTree(surface.vertices)
+    on = [np.atleast_1d(near.query(loop)[1]) for loop in loops]
+    if options.around:
+        for loop, vertices in zip(loops, on, strict=True):
+            np.minimum.at(most, vertices, closed_length(loop) / options.around)
+    if options.between and len(loops) > 1:
+        most = np.minimum(most, gaps(surface, on) / options.between)
     return SizeField(surface, factor, wanted, most, options.gradation)
+
+
+def gaps(surface: TriMesh, sets: Sequence[Int[np.ndarray, " n"]]) -> Float[np.ndarray, " v"]:
+    """Return how far apart two of the `sets` of vertices are, where a shortest way between them starts, turns and ends.
+
+    Lengths are those of ways along edges (model units), infinity elsewhere. Where the vertices nearest to one set meet
+    those nearest to another, each edge between them closes a way from the one to the other.
+    """
+    owner = np.full(len(surface.vertices), -1)
+    for k, vertices in reversed(list(enumerate(sets))):
+        owner[vertices] = k
+    edges, n = surface.topology.edges, len(owner)
+    graph = coo_matrix((np.maximum(surface.edge_lengths, np.finfo(float).tiny), edges.T), (n, n)).tocsr()
+    starts = np.flatnonzero(owner >= 0)
+    far, _, source = dijkstra(graph, directed=False, indices=starts, min_only=True, return_predecessors=True)
+    meet = edges[(source[edges] >= 0).all(axis=1) & (owner[source[edges[:, 0]]] != owner[source[edges[:, 1]]])]
+    gap = np.full(n, np.inf)
+    way = far[meet].sum(axis=1) + np.linalg.norm(np.diff(surface.vertices[meet], axis=1)[:, 0], axis=1)
+    for ends in (meet, source[meet]):
+        np.minimum.at(gap, ends, way[:, None])
+    return gap
 
 
 def vertex_areas(surface: TriMesh) -> Float[np.ndarray, " v"]:
