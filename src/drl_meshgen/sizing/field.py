@@ -32,7 +32,7 @@ class SizeOptions:
     """Most that the size grows per length along the surface (ratio)."""
     around: float = 8.0
     """Edges that are to fit around boundary loops and seams, however short (count); 0: does not matter."""
-    between: float = 2.0
+    between: float = 1.5
     """Edges that are to fit between two boundary loops or seams, however near (count); 0: does not matter."""
     regions: tuple[tuple[float, float, float, float, float], ...] = ()
     """Balls with an edge length of their own: x, y, z of the centre, radius, edge length (model units)."""
