@@ -42,6 +42,8 @@ class PartitionOptions:
     """Limbs that end in one of several loops are cut off where they are at least this long (girths); 0: never."""
     flare: float = 2.0
     """They end where the logarithm of their girth grows faster per girth (ratio; 2 pi in a plane)."""
+    neck: float = 1.5
+    """A contour around several loops gives way to a curve around the same loops if so much longer (ratio); 0: never."""
     least_girth: float = 3.0
     """Small limbs of less typical girth stay with what they grow from (wanted edges); 0 keeps all."""
     small_limb: float = 20.0

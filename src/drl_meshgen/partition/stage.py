@@ -15,6 +15,7 @@ from drl_meshgen.partition.collars import with_collars
 from drl_meshgen.partition.cutting import CutSurface, cut, superlevel
 from drl_meshgen.partition.join_tree import join_tree
 from drl_meshgen.partition.levels import Level, PartitionOptions, choose_levels, isovalue_table
+from drl_meshgen.partition.necks import at_neck
 from drl_meshgen.partition.thin import levelled
 from drl_meshgen.seams import Seam
 
@@ -39,7 +40,7 @@ class RegionKind(Enum):
 class Curve:
     """A closed curve of vertices of the cut surface: a contour, a boundary loop or one side of a seam.
 
-    `level` is its depth, NaN for contours of other functions (see `with_collars`).
+    `level` is its depth, NaN for contours of other functions (see `with_collars`, `at_neck`).
     """
 
     vertices: Int[np.ndarray, " n"]
@@ -121,18 +122,35 @@ def partition(
     limbs = np.bincount([component[level.tip] for level in wanted], minlength=component.max() + 1)
     done, tube = with_collars(CutSurface.whole(surface, depth), _loops_among_others(surface, limbs), 0, options)
     first = int(tube.max(initial=-1)) + 1
-    levels: list[Level] = []
     caps = {level.arc: level for level in wanted if level.reason == "cap"}
-    for level in wanted:
+
+    def around(level: Level) -> Bool[np.ndarray, " v"] | None:
+        """Vertices that the contour of a level is around; None where there is none or it spoils a tube."""
         inside, cap = (
             None if one is None else filled_superlevel(done, one, root[int(component[one.tip])])
             for one in (level, caps.get(level.arc))
         )
-        if inside is not None and not _spoils(inside, level, cap, done, tube):
-            done = cut(done, inside, level.value, first + len(levels))
-            tube = np.r_[tube, np.full(len(done.mesh.vertices) - len(tube), -1)]
-            levels.append(level)
-    values = (*[np.nan] * first, *(level.value for level in levels))
+        return None if inside is None or _spoils(inside, level, cap, done, tube) else inside
+
+    levels: list[Level] = []
+    long: list[Level] = []
+    for level in wanted:
+        if (inside := around(level)) is None:
+            continue
+        if options.neck and at_neck(done, inside, level.length / options.neck, first) is not None:
+            long.append(level)
+            continue
+        done = cut(done, inside, level.value, first + len(levels))
+        tube = np.r_[tube, np.full(len(done.mesh.vertices) - len(tube), -1)]
+        levels.append(level)
+    count = first + len(levels)
+    for level in long:
+        if (inside := around(level)) is not None and (
+            neck := at_neck(done, inside, level.length / options.neck, count)
+        ) is not None:
+            done, tube = neck, np.r_[tube, np.full(len(neck.mesh.vertices) - len(tube), count)]
+            count += 1
+    values = (*[np.nan] * first, *(level.value for level in levels), *[np.nan] * (count - first - len(levels)))
     curves, pairs = _curves(done, values, seams)
     region, regions = _regions(done, curves)
     isovalues = isovalue_table(tree, tuple(levels), first)
