@@ -37,6 +37,9 @@ SAMPLES = 2000
 #: A layout is as good as needed where its worst quads miss the wanted limits by no more than this (degrees).
 ENOUGH = 5.5
 
+#: Trials have no more quads than this (count): which layout is best hardly depends on it, and their time does.
+MOST_QUADS = 8000
+
 #: So many fewer quads must stay folded with the turning that the charts give; less is chance (count).
 FEWER = 2
 
@@ -68,10 +71,11 @@ def choose(partition: Partition, field: SizeField, options: DecomposeOptions | N
 
     Trial k takes the k-th candidate of every junction, the most promising first (see `ranked`), for at most
     `options.candidates` of them, and a last one for each junction the candidate around which the fewest angles were
-    missed. Each is optimised with `trial_options`. The first that is as good as needed stays, else the one with the
-    least shortfall (see `Figures`), deviation and blocks counted in. If `FEWER` or more quads stay folded even there,
-    it is tried once more without the search for few blocks, whose counts and twist a tight place may have no room for,
-    and that stays if so many fewer do. Where there are zones, which come before quality, nothing is tried.
+    missed. Each is optimised with `trial_options`, with `MOST_QUADS` where more are wanted. The first that is as good
+    as needed stays, else the one with the least shortfall (see `Figures`), deviation and blocks counted in. If `FEWER`
+    or more quads stay folded even there, it is tried once more without the search for few blocks, whose counts and
+    twist a tight place may have no room for, and that stays if so many fewer do. Where there are zones, which come
+    before quality, nothing is tried.
 
     Raises `StageError` where a region or the counts have no solution, `InputError` where fixed counts contradict.
     """
@@ -79,7 +83,8 @@ def choose(partition: Partition, field: SizeField, options: DecomposeOptions | N
     found = candidates(partition, options.exponents, strips=options.strips, zones=options.zones)
     most = 1 if options.zones else options.candidates
     ways = [min(len(junctions), most) for junctions in found.junctions]
-    free = replace(options, fixed=(), former=())  # what people change in a layout must not lead to another one
+    # what people change in a layout must not lead to another one
+    free = _coarse(replace(options, fixed=(), former=()), field)
     search = TriangleSearch(field.surface.corners)
 
     @cache
@@ -114,6 +119,14 @@ def choose(partition: Partition, field: SizeField, options: DecomposeOptions | N
                 way = trials[-1].way if trials[-1].folded <= least.folded - FEWER else way
     done = laid_out(way) if free == options else None
     return done or with_counts(partition, found.pieces(way.chosen), _turning(options, way), field)
+
+
+def _coarse(options: DecomposeOptions, field: SizeField) -> DecomposeOptions:
+    """Options of trials: with quads so large that `MOST_QUADS` cover the surface, if smaller ones are wanted."""
+    if options.target_edge:
+        least = float(np.sqrt(field.surface.area / MOST_QUADS))
+        return replace(options, target_edge=max(options.target_edge, least))
+    return replace(options, target_quads=min(options.target_quads, MOST_QUADS))
 
 
 def _turning(options: DecomposeOptions, way: _Way) -> DecomposeOptions:

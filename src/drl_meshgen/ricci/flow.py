@@ -31,8 +31,8 @@ class RicciOptions:
     """Flip edges to stay intrinsically Delaunay. Without, the surface's own edges are kept and triangles may break."""
     tolerance: float = 1e-10
     """Largest |K - K_target| at any free vertex, radians; below 1e-7 (the paper's figure)."""
-    max_steps: int = 60
-    """Newton steps before giving up."""
+    max_steps: int = 400
+    """Newton steps before giving up; a dozen do but where bridges are a few triangles thin."""
     max_change: float = 8.0
     """Largest change of u in one step, units of log scale."""
     max_halvings: int = 12
