@@ -54,7 +54,7 @@ bench: setup
 extra-bench: setup
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
 
-# Both take half an hour or more; interrupted, the next `make` goes on. Exit status 1: not every surface went through.
+# The first takes an hour and a half on two cores, the second a quarter of an hour; interrupted, the next `make` goes on. Exit status 1: not every surface went through.
 robustness: setup
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m drl_meshgen.benchmarks.robustness --resume \
 		--models $(MODELS) $(if $(REFEREE),--referee $(REFEREE)) --out docs/benchmarks; code=$$?; \
