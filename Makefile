@@ -54,7 +54,8 @@ bench: setup
 extra-bench: setup
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
 
-# The first takes an hour and a half on two cores, the second a quarter of an hour; interrupted, the next `make` goes on. Exit status 1: not every surface went through.
+# An hour and a half, and a quarter of one, on two cores; interrupted, the next `make` goes on. Exit status 1: not every
+# surface went through.
 robustness: setup
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m drl_meshgen.benchmarks.robustness --resume \
 		--models $(MODELS) $(if $(REFEREE),--referee $(REFEREE)) --out docs/benchmarks; code=$$?; \
