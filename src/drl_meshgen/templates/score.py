@@ -1,9 +1,25 @@
 """Plane quality figures of the template reward (paper eqs. 11-15), vectorised over leading axes of `points`."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float, Int
 
 from drl_meshgen.templates.domain import cross
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Weights of the reward (paper section 6.2.1); each pair sums to 1."""
+
+    quality: float = 0.8
+    """Weight of the quality of the quads."""
+    fidelity: float = 0.2
+    """Weight of the fit to the boundary samples."""
+    orthogonality: float = 0.6
+    """Weight of angles within the quality."""
+    jacobian: float = 0.4
+    """Weight of the Jacobian ratio within the quality."""
 
 
 def corner_edges(points: Float[np.ndarray, "*b p 2"], quads: Int[np.ndarray, "m 4"]) -> tuple[np.ndarray, np.ndarray]:
@@ -48,11 +64,16 @@ def boundary_mse(mesh_nodes: Float[np.ndarray, "a 2"], samples: Float[np.ndarray
 
 
 def reward(
-    points: Float[np.ndarray, "*b p 2"], quads: Int[np.ndarray, "m 4"], mse: float = 0.0, spacing: float = 1.0
+    points: Float[np.ndarray, "*b p 2"],
+    quads: Int[np.ndarray, "m 4"],
+    mse: float = 0.0,
+    spacing: float = 1.0,
+    weights: Weights | None = None,
 ) -> Float[np.ndarray, "*b"]:
     """Return `R = 0.8 (0.6 O + 0.4 J) - 0.2 MSE / h^2` (eqs. 13, 15), `h` the mean boundary spacing.
 
-    Templates that keep the boundary nodes have MSE 0.
+    `weights` replaces the numbers. Templates that keep the boundary nodes have MSE 0.
     """
-    quality = 0.6 * orthogonality(points, quads).mean(axis=-1) + 0.4 * jacobian_ratio(points, quads).mean(axis=-1)
-    return 0.8 * quality - 0.2 * mse / spacing**2
+    w = weights or Weights()
+    shape = w.orthogonality * orthogonality(points, quads) + w.jacobian * jacobian_ratio(points, quads)
+    return w.quality * shape.mean(axis=-1) - w.fidelity * mse / spacing**2
