@@ -30,6 +30,12 @@ def test_both_rewards_are_the_same_on_folded_quads_and_for_other_weights():
     assert (score.jacobians(batch, QUAD) < 0).any()
 
 
+def test_both_penalties_are_the_same():
+    batch = SQUARE + np.random.default_rng(3).normal(0, 0.4, (50, 4, 2))
+    mine = twin.validity_penalty(torch.as_tensor(batch), torch.as_tensor(QUAD)).numpy()
+    assert mine == pytest.approx(score.validity_penalty(batch, QUAD), abs=1e-9)
+
+
 def test_the_gradient_is_that_of_differences():
     points = torch.tensor(SQUARE + np.random.default_rng(1).normal(0, 0.1, (4, 2)), requires_grad=True)
     quads = torch.as_tensor(QUAD)

@@ -1,18 +1,13 @@
 """The reward of `templates.score` once more in PyTorch, so that policies learn by its gradient; equal on valid meshes.
 
-Folded quads have no Jacobian ratio, so nothing pulls them back: that is what `validity_penalty` is for.
+Folded quads have no Jacobian ratio, so nothing pulls them back but `validity_penalty`.
 """
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
 
-from drl_meshgen.templates.score import Weights
-
-#: Jacobians below this share of the squared mean side length of their quad are penalised.
-LEAST_JACOBIAN = 0.15
-#: What a Jacobian counts for each unit it falls short of that.
-PENALTY = 10.0
+from drl_meshgen.templates.score import LEAST_JACOBIAN, PENALTY, Weights
 
 
 def _corner_edges(points: Float[torch.Tensor, "*b p 2"], quads: Int[torch.Tensor, "m 4"]) -> tuple:
@@ -51,7 +46,7 @@ def validity_penalty(
     quads: Int[torch.Tensor, "m 4"],
     share: Float[torch.Tensor, "*b m"] | None = None,
 ) -> Float[torch.Tensor, "*b"]:
-    """Return the mean over quads of `10 max(0, 0.15 - min J / s^2)`, `s` their mean side; 0 far from folding."""
+    """Return `templates.score.validity_penalty`, with a gradient; `share` as in `reward`."""
     ahead, behind = _corner_edges(points, quads)
     side = torch.linalg.vector_norm(ahead, dim=-1).mean(dim=-1)
     lack = torch.relu(LEAST_JACOBIAN - _cross(ahead, behind).amin(dim=-1) / side**2)

@@ -7,6 +7,11 @@ from jaxtyping import Float, Int
 
 from drl_meshgen.templates.domain import cross
 
+#: Jacobians below this share of the squared mean side length of their quad are penalised while learning.
+LEAST_JACOBIAN = 0.15
+#: What a Jacobian counts for each unit it falls short of that.
+PENALTY = 10.0
+
 
 @dataclass(frozen=True)
 class Weights:
@@ -77,3 +82,14 @@ def reward(
     w = weights or Weights()
     shape = w.orthogonality * orthogonality(points, quads) + w.jacobian * jacobian_ratio(points, quads)
     return w.quality * shape.mean(axis=-1) - w.fidelity * mse / spacing**2
+
+
+def validity_penalty(points: Float[np.ndarray, "*b p 2"], quads: Int[np.ndarray, "m 4"]) -> Float[np.ndarray, "*b"]:
+    """Return the mean over quads of `10 max(0, 0.15 - min J / s^2)`, `s` their mean side; 0 far from folding.
+
+    Not in the paper, whose reward says nothing about how far a mesh is from being valid.
+    """
+    ahead, behind = corner_edges(points, quads)
+    side = np.linalg.norm(ahead, axis=-1).mean(axis=-1)
+    lack = np.maximum(LEAST_JACOBIAN - cross(ahead, behind).min(axis=-1) / side**2, 0.0)
+    return PENALTY * lack.mean(axis=-1)
