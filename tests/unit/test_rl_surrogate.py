@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+import torch
+
+from drl_meshgen.rl import DataSet, samples_of, twin
+from drl_meshgen.rl.surrogate import Surrogate
+from drl_meshgen.templates import Domain, OParameters, RulePolicy, instantiate, score
+
+
+def even_square(cells):
+    side, zero = np.arange(cells) / cells, np.zeros(cells)
+    return Domain(
+        np.concatenate([np.c_[side, zero], np.c_[zero + 1, side], np.c_[1 - side, zero + 1], np.c_[zero, 1 - side]])
+    )
+
+
+def test_it_is_the_template_itself_where_cells_agree():
+    domain, rng = even_square(6), np.random.default_rng(0)
+    singular = np.array([[0.3, 0.3], [0.7, 0.3], [0.7, 0.7], [0.3, 0.7]]) + rng.uniform(-0.05, 0.05, (4, 2))
+    bulges = rng.uniform(-0.1, 0.1, (8, 2))
+    mesh = instantiate(domain, OParameters(0, 6, 6, 3, singular, bulges))
+    coarse = Surrogate(6, 3)
+    rim = coarse.rims([domain], np.array([[0, 6]]))
+    points = coarse.points(rim, torch.as_tensor(singular)[None], torch.as_tensor(bulges)[None])[0].numpy()
+    at = [np.linalg.norm(mesh.points - point, axis=1).min() for point in points]
+    assert max(at) < 1e-12
+    assert len(points) == len(mesh.points)
+    share = coarse.share(*(torch.tensor([k]) for k in (6, 6, 3)))
+    mine = twin.reward(torch.as_tensor(points), coarse.quads, share[0])
+    assert float(mine) == pytest.approx(float(score.reward(np.array(mesh.points), np.array(mesh.quads))))
+
+
+def test_with_as_many_cells_its_reward_is_that_of_the_fine_mesh():
+    coarse = Surrogate(20, 8)
+    for sample in samples_of(DataSet.TEST_STANDARD, range(6)):
+        found = RulePolicy().choose(sample.domain)
+        plain = OParameters(found.i0, found.m, found.n, found.layers, found.singular, found.bulges)
+        mesh = instantiate(sample.domain, plain)
+        rim = coarse.rims([sample.domain], np.array([[found.i0, found.m]]))
+        points = coarse.points(
+            rim, torch.as_tensor(np.array(found.singular))[None], torch.as_tensor(np.array(found.bulges))[None]
+        )
+        share = coarse.share(*(torch.tensor([k]) for k in (found.m, found.n, found.layers)))
+        mine = float(twin.reward(points, coarse.quads, share)[0])
+        assert mine == pytest.approx(float(score.reward(np.array(mesh.points), np.array(mesh.quads))), abs=0.015)
+
+
+def test_shares_sum_to_one():
+    share = Surrogate(5, 2).share(torch.tensor([10, 20]), torch.tensor([40, 30]), torch.tensor([3, 10]))
+    assert share.sum(dim=1).numpy() == pytest.approx([1, 1])
+    assert share.shape == (2, 5 * 5 + 4 * 5 * 2)
+
+
+def test_a_gradient_reaches_every_control():
+    coarse, sample = Surrogate(), next(samples_of(DataSet.TEST_STANDARD))
+    found = RulePolicy().choose(sample.domain)
+    rim = coarse.rims([sample.domain], np.array([[found.i0, found.m]]))
+    singular = torch.tensor(np.array(found.singular))[None].requires_grad_()
+    bulges = torch.zeros(1, 8, 2, dtype=torch.float64, requires_grad=True)
+    twin.reward(coarse.points(rim, singular, bulges), coarse.quads).sum().backward()
+    assert (singular.grad != 0).all()
+    assert (bulges.grad != 0).any(dim=2).all()
