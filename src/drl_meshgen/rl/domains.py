@@ -50,7 +50,7 @@ def drawn_domain(difficulty: Difficulty, rng: np.random.Generator, count: int) -
 
     Curves that cross themselves, or come nearer to themselves than `LEAST_GAP` spacings, are drawn again.
 
-    Raises `InputError` for an odd count or fewer than 12 nodes, and where no curve fits (a count far too small).
+    Raises `InputError` for an odd count or fewer than `MIN_NODES`, and where no curve fits (a count far too small).
     """
     if count % 2 or count < MIN_NODES:
         raise InputError("random domain", f"{count} boundary nodes", f"take an even number, at least {MIN_NODES}")
