@@ -84,7 +84,7 @@ def test_every_pair_of_corners_can_be_chosen_once(domains):
 def test_the_same_corner_grid_is_found_whatever_the_node_numbers(domains):
     nodes = domains[0].nodes
     turned = Domain(np.roll(nodes, -10, axis=0))
-    assert position_grid(turned, (5, 20), 8) == pytest.approx(position_grid(domains[0], (15, 20), 8))
+    assert position_grid(turned.nodes, (5, 20), 8) == pytest.approx(position_grid(domains[0].nodes, (15, 20), 8))
 
 
 def test_positions_of_a_square_are_the_middles_of_its_cells():
@@ -92,7 +92,7 @@ def test_positions_of_a_square_are_the_middles_of_its_cells():
     zero = np.zeros(4)
     sides = [np.c_[side, zero], np.c_[zero + 1, side], np.c_[1 - side, zero + 1], np.c_[zero, 1 - side]]
     square = np.concatenate(sides)
-    grid = position_grid(Domain(square), (0, 4), 2)
+    grid = position_grid(Domain(square).nodes, (0, 4), 2)
     assert grid[:, :, 0] == pytest.approx(np.array([[0.25, 0.25], [0.75, 0.75]]))
     assert grid[:, :, 1] == pytest.approx(np.array([[0.25, 0.75], [0.25, 0.75]]))
 

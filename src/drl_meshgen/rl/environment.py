@@ -66,11 +66,7 @@ class OTypeEnvironment(gymnasium.Env[Any, np.int64]):
     def __init__(self, domains: Sequence[Domain], options: EnvironmentOptions | None = None) -> None:
         """Take the domains that episodes draw from; raises `InputError` where one is odd, too large or none there."""
         self.options = options or EnvironmentOptions()
-        self.domains = tuple(Domain(domain.frame.to_local(domain.nodes)) for domain in domains)
-        odd = [len(domain) for domain in domains if len(domain) % 2 or len(domain) > self.options.most_nodes]
-        if odd or not domains:
-            what = f"a domain of {odd[0]} nodes" if odd else "no domain"
-            raise InputError("environment", what, f"give an even number, at most {self.options.most_nodes}")
+        self.domains = tuple(Domain(domain.frame.to_local(domain.nodes)) for domain in checked(domains, self.options))
         far = float(max(np.abs(domain.nodes).max() for domain in self.domains))
         self.action_space = spaces.Discrete(self.options.actions)
         self.observation_space = spaces.Dict(
@@ -102,7 +98,7 @@ class OTypeEnvironment(gymnasium.Env[Any, np.int64]):
             return self._observation(), INVALID_ACTION, True, False, {"action_mask": self.action_masks()}
         self._actions.append(int(action))
         if len(self._actions) == CORNERS + 1:
-            self._grid = position_grid(self.domain, self._corners, self.options.positions)
+            self._grid = position_grid(self.domain.nodes, self._corners, self.options.positions)
             self._inside = inside(self.domain.nodes, self._grid)
         done = len(self._actions) == STEPS
         gained, info = self._result() if done else (0.0, {})
@@ -180,14 +176,25 @@ class OTypeEnvironment(gymnasium.Env[Any, np.int64]):
         return {"boundary": boundary, "count": count, "step": step, "chosen": chosen}
 
 
-def position_grid(domain: Domain, corners: tuple[int, int], count: int) -> Float[np.ndarray, "count count 2"]:
+def checked(domains: Sequence[Domain], options: EnvironmentOptions) -> tuple[Domain, ...]:
+    """Return the domains; raises `InputError` where one has an odd number of nodes or too many, or none is there."""
+    odd = [len(domain) for domain in domains if len(domain) % 2 or len(domain) > options.most_nodes]
+    if odd or not domains:
+        what = f"a domain of {odd[0]} nodes" if odd else "no domain"
+        raise InputError("environment", what, f"give an even number, at most {options.most_nodes}")
+    return tuple(domains)
+
+
+def position_grid(
+    nodes: Float[np.ndarray, "l 2"], corners: tuple[int, int], count: int
+) -> Float[np.ndarray, "count count 2"]:
     """Return candidate positions of singular points: a Coons patch of the four sides, `(i, j)` towards corner 1 and 3.
 
     `corners` is `(i0, m)`. The positions lie at the middles of `count` by `count` cells of the patch.
     """
     i0, m = corners
-    n = len(domain) // 2 - m
-    loop = np.roll(domain.nodes, -i0, axis=0)
+    n = len(nodes) // 2 - m
+    loop = np.roll(nodes, -i0, axis=0)
     loop = np.concatenate([loop, loop[:1]])
     ends = np.cumsum([0, m, n, m, n])
     t = np.concatenate([[0.0], (np.arange(count) + 0.5) / count, [1.0]])
