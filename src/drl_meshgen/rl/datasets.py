@@ -22,6 +22,7 @@ class DataSet(Enum):
     TRAIN = ("train", 1, 10_000, (Difficulty.STANDARD,))
     TRAIN_HARD = ("train-hard", 2, 10_000, (Difficulty.HARD,))
     VALIDATION = ("validation", 3, 1_000, (Difficulty.STANDARD,))
+    VALIDATION_HARD = ("validation-hard", 6, 1_000, (Difficulty.HARD,))
     TEST_STANDARD = ("test-standard", 4, 100, (Difficulty.STANDARD,))
     TEST_HARD = ("test-hard", 5, 50, (Difficulty.HARD,))
 

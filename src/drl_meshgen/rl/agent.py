@@ -1,0 +1,114 @@
+"""The learned policy: corners by their values, singular points and line types by the placement policy, valid first."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+
+from drl_meshgen.errors import InputError
+from drl_meshgen.rl.boundary import PER_SIDE, side_samples
+from drl_meshgen.rl.corner_value import CornerValue, corner_choices, views
+from drl_meshgen.rl.kernel import Judged, judge_o
+from drl_meshgen.rl.optimum import OptimizerPolicy
+from drl_meshgen.rl.placer import Placer, Scene
+from drl_meshgen.templates.domain import Domain
+from drl_meshgen.templates.o_type import OParameters
+from drl_meshgen.templates.options import Size
+from drl_meshgen.templates.score import Weights
+
+
+@dataclass(frozen=True, eq=False)
+class Proposals:
+    """Choices of parameters for one domain of unit scale, and what their meshes are worth."""
+
+    corners: Int[np.ndarray, "b 2"]
+    layers: Int[np.ndarray, " b"]
+    singular: Float[np.ndarray, "b 4 2"]
+    bulges: Float[np.ndarray, "b 8 2"]
+    judged: Judged
+
+    @property
+    def best(self) -> int:
+        """The valid proposal of highest reward; where none is valid that of highest reward less penalty."""
+        judged = self.judged
+        return int(np.lexsort((judged.penalty - judged.reward, ~judged.valid))[0])
+
+    def parameters(self, domain: Domain, which: int) -> OParameters:
+        """Return a proposal as parameters for the domain itself."""
+        i0, m = self.corners[which].tolist()
+        singular = domain.frame.to_world(self.singular[which])
+        return OParameters(i0, m, len(domain) // 2 - m, int(self.layers[which]), singular, self.bulges[which])
+
+
+@dataclass(frozen=True)
+class AgentOptions:
+    """How many proposals are judged."""
+
+    tried: int = 8
+    """Choices of corners that are placed and judged, the most valuable first."""
+    tried_again: int = 64
+    """As many where none of these makes a valid mesh."""
+    choices: int = 2000
+    """Choices of corners whose value is computed, at most."""
+    layers: tuple[int, ...] = (3,)
+    """Numbers of layers that are placed and judged."""
+    layers_again: tuple[int, ...] = (3, 5, 8)
+    """As many where none of these makes a valid mesh."""
+    weights: Weights = field(default_factory=Weights)
+    """Weights of the reward that proposals are judged by."""
+
+
+class AgentPolicy:
+    """The learned policy; equal domains get equal parameters."""
+
+    def __init__(self, corner: CornerValue, placer: Placer, options: AgentOptions | None = None) -> None:
+        """Take the two networks."""
+        self.corner, self.placer, self.options = corner.eval(), placer.eval(), options or AgentOptions()
+
+    def choose(
+        self,
+        domain: Domain,
+        *,
+        layers: int | None = None,
+        size: Size | None = None,  # noqa: ARG002
+        corners: tuple[int, int] | None = None,
+    ) -> OParameters:
+        """Return the best proposal; where none makes a valid mesh, the outcome of gradient ascent.
+
+        Raises `InputError` for an odd number of nodes.
+        """
+        if len(domain) % 2:
+            raise InputError("O-type template", f"boundary has an odd number of nodes ({len(domain)})", "make it even")
+        nodes = domain.frame.to_local(domain.nodes)
+        o = self.options
+        for count, values in ((o.tried, o.layers), (o.tried_again, o.layers_again)):
+            pairs = np.array([corners]) if corners else self.corners([nodes], count)[0]
+            found = self.proposals(nodes, pairs, values if layers is None else (layers,))
+            if found.judged.valid[found.best]:
+                return found.parameters(domain, found.best)
+        return OptimizerPolicy(weights=o.weights).choose(domain, layers=layers, corners=corners)
+
+    def corners(self, domains: Sequence[Float[np.ndarray, "l 2"]], count: int) -> list[Int[np.ndarray, "t 2"]]:
+        """Return the `count` most valuable choices of corners of domains of unit scale, best first."""
+        best = []
+        with torch.inference_mode():
+            for nodes in domains:
+                pairs, four = corner_choices(len(nodes), self.options.choices)
+                value = self.corner(torch.as_tensor(views(nodes[None])), torch.as_tensor(four)[None])[0].numpy()
+                best.append(pairs[np.argsort(-value, kind="stable")[:count]])
+        return best
+
+    def proposals(
+        self, nodes: Float[np.ndarray, "l 2"], pairs: Int[np.ndarray, "t 2"], layers: Sequence[int]
+    ) -> Proposals:
+        """Place and judge every choice of corners with every number of layers."""
+        k = np.repeat(np.array(layers), len(pairs))
+        rim = side_samples(np.ascontiguousarray(nodes)[None], pairs, PER_SIDE)
+        corners = np.tile(pairs, (len(layers), 1))
+        scene = Scene.of(np.tile(rim, (len(layers), 1, 1)), corners[:, 1], len(nodes), k)
+        with torch.inference_mode():
+            singular, bulges = (part.numpy() for part in scene.placed(self.placer(scene.seen)))
+        judged = judge_o(nodes, corners, k, singular, bulges, self.options.weights)
+        return Proposals(corners, k, singular, bulges, judged)

@@ -1,0 +1,106 @@
+"""Boundaries as policies see them: the four sides between chosen corners, in a frame that turns with the domain.
+
+The eight ways to name the corners of the same four-sided domain (four first corners, two orientations) are the symmetry
+group of the square. `SAMPLES`, `SAMPLE_SIGNS`, `CONTROLS` and `CONTROL_SIGNS` are its signed permutations of what
+a policy sees and of what it answers, so that answers can be averaged over the group and thereby commute with it.
+"""
+
+from typing import Final
+
+import numba
+import numpy as np
+from jaxtyping import Complex, Float, Int
+
+PER_SIDE: Final = 16
+"""Samples of each side that a policy sees."""
+
+
+@numba.njit(cache=True)
+def side_samples(nodes: np.ndarray, corners: np.ndarray, per_side: int) -> np.ndarray:
+    """Return `(b, 4 per_side, 2)` points at equal arc length along each side, the side's first corner among them.
+
+    `nodes (b, l, 2)` or `(1, l, 2)` for all, `corners (b, 2)` the choices `(i0, m)`; 2m + 2n = l.
+    """
+    size = nodes.shape[1]
+    result = np.empty((len(corners), 4 * per_side, 2))
+    run = np.empty(size + 1)
+    for b in range(len(corners)):
+        loop = nodes[b if len(nodes) > 1 else 0]
+        first = corners[b, 0] + size
+        for s in range(4):
+            cells = corners[b, 1] if s % 2 == 0 else size // 2 - corners[b, 1]
+            run[0] = 0.0
+            for i in range(cells):
+                tail, head = loop[(first + i) % size], loop[(first + i + 1) % size]
+                run[i + 1] = run[i] + np.hypot(head[0] - tail[0], head[1] - tail[1])
+            i = 0
+            for t in range(per_side):
+                at = run[cells] * t / per_side
+                while i < cells - 1 and run[i + 1] <= at:
+                    i += 1
+                share = (at - run[i]) / (run[i + 1] - run[i])
+                tail, head = loop[(first + i) % size], loop[(first + i + 1) % size]
+                result[b, s * per_side + t] = (1 - share) * tail + share * head
+            first += cells
+    return result
+
+
+def square_frame(
+    rim: Complex[np.ndarray, "b r"],
+) -> tuple[Complex[np.ndarray, "b 1"], Complex[np.ndarray, "b 1"]]:
+    """Return origin and direction of the frame of four-sided domains: the square that fits their corners best.
+
+    `rim` holds samples as complex numbers, `r / 4` a side. A point z becomes `(z - origin) / direction`; the direction
+    has length 1. Corners whose best square is a point keep their axes.
+    """
+    corner = rim[:, :: rim.shape[1] // 4]
+    fit = corner @ np.array([-1 + 1j, 1 + 1j, 1 - 1j, -1 - 1j])
+    small = np.abs(fit) < 1e-12
+    direction = np.where(small, 1.0, fit) / np.where(small, 1.0, np.abs(fit))
+    return rim.mean(axis=1, keepdims=True), direction[:, None]
+
+
+def _turn(points: Complex[np.ndarray, "*k"], quarter: int) -> Complex[np.ndarray, "*k"]:
+    return points * (1j) ** quarter
+
+
+def _signed_permutation(act: np.ndarray) -> tuple[Int[np.ndarray, " c"], Float[np.ndarray, " c"]]:
+    """Return, for each row of a signed permutation matrix, its column and its sign."""
+    column = np.abs(act).argmax(axis=1)
+    return column, act[np.arange(len(act)), column]
+
+
+def _seen(turn: int, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:  # noqa: FBT001
+    """Return what one symmetry does to samples (x and y interleaved), then to (m / L, n / L)."""
+    size = 4 * PER_SIDE
+    unit = np.eye(2 * size)
+    z = unit[:, ::2] + 1j * unit[:, 1::2]
+    shifted = _turn(np.roll(z, -turn * PER_SIDE, axis=1), -turn)
+    if mirrored:
+        shifted = -np.conj(shifted[:, (PER_SIDE - np.arange(size)) % size])
+    act = np.zeros((2 * size + 2, 2 * size + 2))
+    act[: 2 * size : 2, : 2 * size], act[1 : 2 * size : 2, : 2 * size] = np.real(shifted).T, np.imag(shifted).T
+    act[2 * size :, 2 * size :] = np.roll(np.eye(2), turn, axis=1)
+    return _signed_permutation(act)
+
+
+def _answered(turn: int, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:  # noqa: FBT001
+    """Return how answers under one symmetry (4 singular points, 8 bulges) become answers for the domain as it is."""
+    unit = np.eye(24)
+    z = unit[:, :8:2] + 1j * unit[:, 1:8:2]
+    bulge = unit[:, 8:].reshape(24, 8, 2)
+    spokes, sides = bulge[:, :4], bulge[:, 4:]
+    if mirrored:
+        z = -np.conj(z[:, (1 - np.arange(4)) % 4])
+        spokes = -spokes[:, (1 - np.arange(4)) % 4]
+        sides = sides[:, -np.arange(4) % 4] * np.array([1.0, -1.0])
+    z, spokes, sides = (np.roll(part, turn, axis=1) for part in (_turn(z, turn), spokes, sides))
+    act = np.empty((24, 24))
+    act[:8:2], act[1:8:2] = np.real(z).T, np.imag(z).T
+    act[8:] = np.concatenate([spokes, sides], axis=1).reshape(24, 16).T
+    return _signed_permutation(act)
+
+
+_GROUP: Final = tuple((turn, mirrored) for turn in range(4) for mirrored in (False, True))
+SAMPLES, SAMPLE_SIGNS = (np.stack(part) for part in zip(*(_seen(*g) for g in _GROUP), strict=True))
+CONTROLS, CONTROL_SIGNS = (np.stack(part) for part in zip(*(_answered(*g) for g in _GROUP), strict=True))
