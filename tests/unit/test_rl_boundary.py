@@ -6,6 +6,7 @@ from drl_meshgen.rl import DataSet, samples_of
 from drl_meshgen.rl.boundary import CONTROL_SIGNS, CONTROLS, SAMPLE_SIGNS, SAMPLES, side_samples, square_frame
 from drl_meshgen.rl.corner_value import CornerValue, corner_choices, views
 from drl_meshgen.rl.placer import Placer, Scene
+from drl_meshgen.templates import Domain, OParameters, instantiate
 
 TURN = np.array([[0.6, 0.8], [-0.8, 0.6]])
 MIRROR = np.array([-1.0, 1.0])
@@ -34,8 +35,7 @@ def corner():
 def placed(placer, nodes, i0, m):
     rim = side_samples(nodes[None], np.array([[i0 % len(nodes), m]]), 16)
     scene = Scene.of(rim, np.array([m]), len(nodes), 5)
-    singular, bulges = scene.placed(placer(scene.seen))
-    return singular[0].detach().numpy(), bulges[0].detach().numpy()
+    return {name: part[0].detach().numpy() for name, part in scene.placed(placer(scene.seen)).items()}
 
 
 def valued(corner, nodes, four):
@@ -69,43 +69,42 @@ def test_the_symmetries_are_signed_permutations_that_undo_one_another():
 
 def test_naming_another_corner_first_gives_the_same_placement(nodes, placer):
     m, n = 20, len(nodes) // 2 - 20
-    singular, bulges = placed(placer, nodes, 5, m)
-    again, bulges_again = placed(placer, nodes, 5 + m, n)
-    assert again == pytest.approx(np.roll(singular, -1, axis=0), abs=1e-6)
-    expected = np.concatenate([np.roll(bulges[:4], -1, axis=0), np.roll(bulges[4:], -1, axis=0)])
-    assert bulges_again == pytest.approx(expected, abs=1e-6)
-    assert np.abs(bulges).max() > 0.01
+    one, two = placed(placer, nodes, 5, m), placed(placer, nodes, 5 + m, n)
+    for name in ("singular", "swells"):
+        assert two[name] == pytest.approx(np.roll(one[name], -1, axis=0), abs=1e-6)
+    for name in ("bulges", "waves"):
+        spokes, sides = np.roll(one[name][:4], -1, axis=0), np.roll(one[name][4:], -1, axis=0)
+        assert two[name] == pytest.approx(np.concatenate([spokes, sides]), abs=1e-6)
+        assert np.abs(one[name]).max() > 0.01
 
 
 def test_a_turned_and_moved_domain_gets_a_turned_placement(nodes, placer):
-    singular, bulges = placed(placer, nodes, 5, 20)
-    again, bulges_again = placed(placer, nodes @ TURN + 3, 5, 20)
-    assert again == pytest.approx(singular @ TURN + 3, abs=1e-6)
-    assert bulges_again == pytest.approx(bulges, abs=1e-6)
+    one, two = placed(placer, nodes, 5, 20), placed(placer, nodes @ TURN + 3, 5, 20)
+    assert two["singular"] == pytest.approx(one["singular"] @ TURN + 3, abs=1e-6)
+    assert two["bulges"] == pytest.approx(one["bulges"], abs=1e-6)
+    for name in ("waves", "swells"):
+        assert two[name] == pytest.approx(one[name] @ TURN, abs=1e-6)
 
 
-def test_the_mirrored_domain_gets_the_mirrored_placement(nodes, placer):
-    singular, bulges = placed(placer, nodes, 5, 20)
-    mirror = (nodes * MIRROR)[::-1].copy()
-    again, bulges_again = placed(placer, mirror, len(nodes) - 1 - (5 + 20), 20)
-    swap = (1 - np.arange(4)) % 4
-    assert again == pytest.approx(singular[swap] * MIRROR, abs=1e-6)
-    expected = np.concatenate([-bulges[:4][swap], bulges[4:][-np.arange(4) % 4] * np.array([1, -1])])
-    assert bulges_again == pytest.approx(expected, abs=1e-6)
+def test_the_mirrored_domain_gets_the_mirrored_mesh(nodes, placer):
+    m, n = 20, len(nodes) // 2 - 20
+    domain, mirror = Domain(nodes), Domain((nodes * MIRROR)[::-1])
+    there = (len(nodes) - 1 - (5 + m)) % len(nodes)
+    one = instantiate(domain, OParameters(5, m, n, 5, **placed(placer, nodes, 5, m)))
+    two = instantiate(mirror, OParameters(there, m, n, 5, **placed(placer, mirror.nodes, there, m)))
+    distance = np.abs(two.points[:, None] - one.points * MIRROR).max(axis=-1)
+    assert distance.min(axis=0).max() < 1e-6
+    assert distance.min(axis=1).max() < 1e-6
 
 
-def test_before_training_the_placement_is_tuttes_with_straight_lines(nodes):
-    rim = side_samples(nodes[None], np.array([[0, 20]]), 16)
-    scene = Scene.of(rim, np.array([20]), len(nodes), 5)
-    singular, bulges = scene.placed(Placer(8)(scene.seen))
+def test_before_training_the_placement_is_tuttes_with_straight_lines():
     even = np.linspace(-1, 1, 16, endpoint=False)
-    square = np.concatenate([np.c_[even, 0 * even - 1], np.c_[0 * even + 1, even], np.c_[-even, 0 * even + 1],
-                             np.c_[0 * even - 1, -even]])  # fmt: skip
-    flat = Scene.of(square[None], np.array([16]), 64, 5)
-    middle = flat.placed(Placer(8)(flat.seen))[0][0].detach().numpy()
+    one = np.ones(16)
+    square = np.concatenate([np.c_[even, -one], np.c_[one, even], np.c_[-even, one], np.c_[-one, -even]])
+    found = placed(Placer(8), square, 0, 16)
+    middle = found.pop("singular")
     assert middle == pytest.approx(np.abs(middle[0, 0]) * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]))
-    assert singular.shape == (1, 4, 2)
-    assert not bulges.any()
+    assert not any(part.any() for part in found.values())
 
 
 def test_corners_are_each_chosen_once_and_thinned_evenly():

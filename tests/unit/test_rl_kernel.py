@@ -38,6 +38,19 @@ def check(mesh, judged, b):
     assert judged.jacobian[b] == pytest.approx(float(jacobian_ratio(points, quads).mean()), abs=1e-9)
 
 
+def test_waves_and_swells_are_judged_as_their_definition_says():
+    rng = np.random.default_rng(5)
+    sample = next(samples_of(DataSet.TEST_STANDARD, [3]))
+    corners, layers, singular, bulges = drawn(sample.domain, rng, 8)
+    waves, swells = rng.normal(0, 0.03, (8, 8, 2, 2)), rng.normal(0, 0.03, (8, 4, 3, 2))
+    judged = judge_o(sample.domain.nodes, corners, layers, singular, bulges, waves=waves, swells=swells)
+    for b in range(8):
+        i0, m = corners[b].tolist()
+        n, k = len(sample.domain) // 2 - m, int(layers[b])
+        given = OParameters(i0, m, n, k, singular[b], bulges[b], waves=waves[b], swells=swells[b])
+        check(instantiate(sample.domain, given), judged, b)
+
+
 @pytest.mark.parametrize("data", [DataSet.TEST_STANDARD, DataSet.TEST_HARD])
 def test_o_type_meshes_are_judged_as_their_definition_says_valid_or_folded(data):
     rng = np.random.default_rng(0)

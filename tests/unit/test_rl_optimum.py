@@ -3,6 +3,7 @@ import pytest
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.rl import DataSet, samples_of
+from drl_meshgen.rl.controls import SHAPED, parts_of
 from drl_meshgen.rl.kernel import judge_o
 from drl_meshgen.rl.optimum import Mesh, OptimizerPolicy, ascended, tutte_points
 from drl_meshgen.templates import Domain, instantiate
@@ -17,18 +18,19 @@ def domain():
 
 
 def test_its_nodes_and_worth_are_those_of_the_template(domain):
-    x = np.concatenate([tutte_points(domain.nodes, np.array([[5, 20]]))[0].ravel(), 0.05 * np.cos(np.arange(16))])
+    x = np.concatenate(
+        [tutte_points(domain.nodes, np.array([[5, 20]]))[0].ravel(), 0.02 * np.cos(np.arange(SHAPED - 8))]
+    )
     value, _ = Mesh.of(domain, (5, 20), 4).worth(x, Weights())
-    shape = x[None, :8].reshape(1, 4, 2), x[None, 8:].reshape(1, 8, 2)
-    judged = judge_o(domain.nodes, np.array([[5, 20]]), np.array([4]), *shape)
+    judged = judge_o(domain.nodes, np.array([[5, 20]]), np.array([4]), **parts_of(x[None]))
     assert value == pytest.approx((judged.reward - judged.penalty)[0], abs=1e-12)
 
 
 def test_its_gradient_is_that_of_differences(domain):
     mesh, rng = Mesh.of(domain, (5, 20), 3), np.random.default_rng(0)
-    x = np.concatenate([tutte_points(domain.nodes, np.array([[5, 20]]))[0].ravel(), rng.normal(0, 0.05, 16)])
+    x = np.concatenate([tutte_points(domain.nodes, np.array([[5, 20]]))[0].ravel(), rng.normal(0, 0.02, SHAPED - 8)])
     slope = mesh.worth(x, Weights())[1]
-    step = 1e-6 * np.eye(24)
+    step = 1e-6 * np.eye(SHAPED)
     differences = [(mesh.worth(x + e, Weights())[0] - mesh.worth(x - e, Weights())[0]) / 2e-6 for e in step]
     assert slope == pytest.approx(np.array(differences), abs=1e-7)
 

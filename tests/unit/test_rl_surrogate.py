@@ -18,10 +18,12 @@ def test_it_is_the_template_itself_where_cells_agree():
     domain, rng = even_square(6), np.random.default_rng(0)
     singular = np.array([[0.3, 0.3], [0.7, 0.3], [0.7, 0.7], [0.3, 0.7]]) + rng.uniform(-0.05, 0.05, (4, 2))
     bulges = rng.uniform(-0.1, 0.1, (8, 2))
-    mesh = instantiate(domain, OParameters(0, 6, 6, 3, singular, bulges))
+    waves, swells = rng.uniform(-0.02, 0.02, (8, 2, 2)), rng.uniform(-0.02, 0.02, (4, 3, 2))
+    mesh = instantiate(domain, OParameters(0, 6, 6, 3, singular, bulges, waves=waves, swells=swells))
     coarse = Surrogate(6, 3)
     rim = coarse.rims([domain], np.array([[0, 6]]))
-    points = coarse.points(rim, torch.as_tensor(singular)[None], torch.as_tensor(bulges)[None])[0].numpy()
+    controls = [torch.as_tensor(part)[None] for part in (singular, bulges, waves, swells)]
+    points = coarse.points(rim, *controls)[0].numpy()
     at = [np.linalg.norm(mesh.points - point, axis=1).min() for point in points]
     assert max(at) < 1e-12
     assert len(points) == len(mesh.points)

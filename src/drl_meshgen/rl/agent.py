@@ -1,6 +1,6 @@
 """The learned policy: corners by their values, singular points and line types by the placement policy, valid first."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.rl.boundary import PER_SIDE, side_samples
+from drl_meshgen.rl.controls import parameters_of
 from drl_meshgen.rl.corner_value import CornerValue, corner_choices, views
 from drl_meshgen.rl.kernel import Judged, judge_o
 from drl_meshgen.rl.optimum import OptimizerPolicy
@@ -25,8 +26,8 @@ class Proposals:
 
     corners: Int[np.ndarray, "b 2"]
     layers: Int[np.ndarray, " b"]
-    singular: Float[np.ndarray, "b 4 2"]
-    bulges: Float[np.ndarray, "b 8 2"]
+    parts: Mapping[str, Float[np.ndarray, "b *d 2"]]
+    """Continuous parameters by the fields of `OParameters`."""
     judged: Judged
 
     @property
@@ -38,8 +39,8 @@ class Proposals:
     def parameters(self, domain: Domain, which: int) -> OParameters:
         """Return a proposal as parameters for the domain itself."""
         i0, m = self.corners[which].tolist()
-        singular = domain.frame.to_world(self.singular[which])
-        return OParameters(i0, m, len(domain) // 2 - m, int(self.layers[which]), singular, self.bulges[which])
+        x = np.concatenate([part[which].ravel() for part in self.parts.values()])
+        return parameters_of(domain, (i0, m), int(self.layers[which]), x)
 
 
 @dataclass(frozen=True)
@@ -109,6 +110,5 @@ class AgentPolicy:
         corners = np.tile(pairs, (len(layers), 1))
         scene = Scene.of(np.tile(rim, (len(layers), 1, 1)), corners[:, 1], len(nodes), k)
         with torch.inference_mode():
-            singular, bulges = (part.numpy() for part in scene.placed(self.placer(scene.seen)))
-        judged = judge_o(nodes, corners, k, singular, bulges, self.options.weights)
-        return Proposals(corners, k, singular, bulges, judged)
+            parts = {name: part.numpy() for name, part in scene.placed(self.placer(scene.seen)).items()}
+        return Proposals(corners, k, parts, judge_o(nodes, corners, k, weights=self.options.weights, **parts))

@@ -11,6 +11,9 @@ import numba
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
+from drl_meshgen.rl.controls import SHAPED, parts_of
+from drl_meshgen.templates.curves import SWELLS, WAVES
+
 PER_SIDE: Final = 16
 """Samples of each side that a policy sees."""
 
@@ -85,20 +88,26 @@ def _seen(turn: int, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:  # noqa: 
 
 
 def _answered(turn: int, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:  # noqa: FBT001
-    """Return how answers under one symmetry (4 singular points, 8 bulges) become answers for the domain as it is."""
-    unit = np.eye(24)
-    z = unit[:, :8:2] + 1j * unit[:, 1:8:2]
-    bulge = unit[:, 8:].reshape(24, 8, 2)
-    spokes, sides = bulge[:, :4], bulge[:, 4:]
+    """Return how answers under one symmetry become answers for the domain as it is; see `controls.parts_of`.
+
+    Bulges are numbers, all else vectors of the frame.
+    """
+    unit = np.eye(SHAPED)
+    part = parts_of(unit)
+    vectors = [part["singular"], part["waves"][:, :4], part["waves"][:, 4:], part["swells"]]
+    points, spokes, sides, swells = (v[..., 0] + 1j * v[..., 1] for v in vectors)
+    bulged = part["bulges"]
     if mirrored:
-        z = -np.conj(z[:, (1 - np.arange(4)) % 4])
-        spokes = -spokes[:, (1 - np.arange(4)) % 4]
-        sides = sides[:, -np.arange(4) % 4] * np.array([1.0, -1.0])
-    z, spokes, sides = (np.roll(part, turn, axis=1) for part in (_turn(z, turn), spokes, sides))
-    act = np.empty((24, 24))
-    act[:8:2], act[1:8:2] = np.real(z).T, np.imag(z).T
-    act[8:] = np.concatenate([spokes, sides], axis=1).reshape(24, 16).T
-    return _signed_permutation(act)
+        # point and spoke s were those of corner 1 - s, side and outer block s were side -s run backwards
+        corner, side = (1 - np.arange(4)) % 4, -np.arange(4) % 4
+        points, spokes = -np.conj(points[:, corner]), -np.conj(spokes[:, corner])
+        sides, swells = -np.conj(sides[:, side]), -np.conj(swells[:, side])
+        sides, swells = sides * (-1.0) ** np.arange(WAVES), swells * (-1.0) ** np.arange(SWELLS)
+        bulged = np.concatenate([-bulged[:, corner], bulged[:, 4 + side] * np.array([1.0, -1.0])], axis=1)
+    rolled = [_turn(np.roll(v, turn, axis=1), turn) for v in (points, spokes, sides, swells)]
+    bulged = np.concatenate([np.roll(half, turn, axis=1) for half in (bulged[:, :4], bulged[:, 4:])], axis=1)
+    flat = [np.stack([np.real(v), np.imag(v)], axis=-1).reshape(SHAPED, -1) for v in rolled]
+    return _signed_permutation(np.concatenate([flat[0], bulged.reshape(SHAPED, -1), *flat[1:]], axis=1).T)
 
 
 _GROUP: Final = tuple((turn, mirrored) for turn in range(4) for mirrored in (False, True))

@@ -77,6 +77,7 @@ class CornerValue(nn.Module):
     def __init__(self, width: int = 96, pooled: int = 16) -> None:
         """Set up two hidden layers for nodes and one for choices."""
         super().__init__()
+        self.width = width
         self.node = nn.Sequential(
             nn.Linear(SEEN, width), nn.SiLU(), nn.Linear(width, width), nn.SiLU(), nn.Linear(width, 3 * pooled)
         )

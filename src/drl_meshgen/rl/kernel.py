@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.templates.c_type import BLOCKS, EDGES, RIM, SINGULAR, CParameters
+from drl_meshgen.templates.curves import SWELLS, WAVES
 from drl_meshgen.templates.score import LEAST_JACOBIAN, PENALTY, Weights
 
 HALF_PI: Final = np.pi / 2
@@ -62,6 +63,9 @@ def judge_o(  # noqa: PLR0917 - what fixes a mesh, in the order of `OParameters`
     singular: Float[np.ndarray, "b 4 2"],
     bulges: Float[np.ndarray, "b 8 2"],
     weights: Weights | None = None,
+    *,
+    waves: Float[np.ndarray, "b 8 2 2"] | None = None,
+    swells: Float[np.ndarray, "b 4 3 2"] | None = None,
 ) -> Judged:
     """Judge O-type meshes of one domain; `corners` are `(i0, m)`, all else as in `OParameters` without grading.
 
@@ -71,7 +75,9 @@ def judge_o(  # noqa: PLR0917 - what fixes a mesh, in the order of `OParameters`
     half, odd = divmod(len(nodes), 2)
     if odd or (layers < 1).any() or ((corners[:, 1] < 1) | (corners[:, 1] >= half)).any():
         raise InputError("O-type template", f"corners or layers do not fit a boundary of {len(nodes)} nodes")
-    found = _all_o(_float(nodes), corners, layers, _float(singular), _float(bulges), O_SIDES)
+    waves = np.zeros((len(corners), 8, WAVES, 2)) if waves is None else _float(waves)
+    swells = np.zeros((len(corners), 4, SWELLS, 2)) if swells is None else _float(swells)
+    found = _all_o(_float(nodes), corners, layers, _float(singular), _float(bulges), waves, swells, O_SIDES)
     return _judged(found, weights or Weights())
 
 
@@ -133,7 +139,9 @@ def _quad(x: tuple, y: tuple, sums: np.ndarray) -> None:
 
 
 @_compiled
-def _block(sides: np.ndarray, points: np.ndarray, share: np.ndarray, cells: np.ndarray, sums: np.ndarray) -> int:
+def _block(  # noqa: PLR0917
+    sides: np.ndarray, points: np.ndarray, share: np.ndarray, cells: np.ndarray, swell: np.ndarray, sums: np.ndarray
+) -> int:
     """Add the quads of one transfinite block (`templates.tfi.transfinite`) to `sums`; return their number."""
     ids, ends = np.empty(4, np.int64), np.zeros(4, np.int64)
     for s in range(4):
@@ -147,9 +155,14 @@ def _block(sides: np.ndarray, points: np.ndarray, share: np.ndarray, cells: np.n
                 at[s, i], f[s, i] = points[ids[s], i], share[ids[s], i]
             else:
                 at[s, i], f[s, i] = points[ids[s], ends[s] - i], 1 - share[ids[s], ends[s] - i]
+    inwards = np.sin(np.linspace(0, np.pi, nj + 1))
     x, y = np.empty((2, nj + 1)), np.empty((2, nj + 1))
     for i in range(ni + 1):
         new = i % 2
+        sx, sy = 0.0, 0.0
+        for w in range(len(swell)):
+            sine = np.sin((w + 1) * np.pi * i / ni)
+            sx, sy = sx + swell[w, 0] * sine, sy + swell[w, 1] * sine
         for j in range(nj + 1):
             if j == 0:
                 x[new, j], y[new, j] = at[0, i]
@@ -169,9 +182,9 @@ def _block(sides: np.ndarray, points: np.ndarray, share: np.ndarray, cells: np.n
                     high = (1 - v) * at[0, ni, axis] + v * at[1, ni, axis]
                     value = ruled + u * at[3, j, axis] - ((1 - u) * low + u * high)
                     if axis == 0:
-                        x[new, j] = value
+                        x[new, j] = value + sx * inwards[j]
                     else:
-                        y[new, j] = value
+                        y[new, j] = value + sy * inwards[j]
         if i > 0:
             for j in range(nj):
                 quad = (x[1 - new, j], x[new, j], x[new, j + 1], x[1 - new, j + 1])
@@ -191,7 +204,9 @@ def _rim(nodes: np.ndarray, first: int, cells: int, points: np.ndarray, share: n
 
 
 @_compiled
-def _edge(start: np.ndarray, end: np.ndarray, bulge: np.ndarray, share: np.ndarray, points: np.ndarray) -> None:
+def _edge(  # noqa: PLR0917
+    start: np.ndarray, end: np.ndarray, bulge: np.ndarray, wave: np.ndarray, share: np.ndarray, points: np.ndarray
+) -> None:
     """Fill `points` with an internal edge at the fractions `share` (`templates.curves.sample`)."""
     dx, dy = end[0] - start[0], end[1] - start[1]
     for i in range(len(share)):
@@ -200,15 +215,23 @@ def _edge(start: np.ndarray, end: np.ndarray, bulge: np.ndarray, share: np.ndarr
         height = bulge[0] * bow + bulge[1] * 1.5 * np.sqrt(3.0) * bow * (1 - 2 * t)
         points[i, 0] = (1 - t) * start[0] + t * end[0] - height * dy
         points[i, 1] = (1 - t) * start[1] + t * end[1] + height * dx
+        for w in range(len(wave)):
+            sine = np.sin((w + 1) * np.pi * t)
+            points[i, 0] += wave[w, 0] * sine
+            points[i, 1] += wave[w, 1] * sine
 
 
 @_compiled
-def _mean(sides: np.ndarray, points: np.ndarray, share: np.ndarray, cells: np.ndarray, result: np.ndarray) -> None:
+def _mean(  # noqa: PLR0917
+    sides: np.ndarray, points: np.ndarray, share: np.ndarray, cells: np.ndarray, swells: np.ndarray, result: np.ndarray
+) -> None:
     sums = np.zeros(4)
     sums[3] = np.inf
     count = 0
-    for block in sides:
-        count += _block(block, points, share, cells, sums)
+    for block in range(len(sides)):
+        # blocks after the first may swell
+        swell = swells[block - 1] if 0 < block <= len(swells) else np.empty((0, 2))
+        count += _block(sides[block], points, share, cells, swell, sums)
     result[:3] = sums[:3] / count
     result[2] *= PENALTY
     result[3] = sums[3]
@@ -221,6 +244,8 @@ def _all_o(  # noqa: PLR0917
     layers: np.ndarray,
     singular: np.ndarray,
     bulges: np.ndarray,
+    waves: np.ndarray,
+    swells: np.ndarray,
     sides: np.ndarray,
 ) -> np.ndarray:
     result = np.empty((len(corners), 4))
@@ -243,10 +268,11 @@ def _all_o(  # noqa: PLR0917
                 share[8 + s, i] = across
                 share[10 + s, cells[s] - i] = 1 - across
         for s in range(4):
-            _edge(points[s, 0], singular[b, s], bulges[b, s], share[4 + s, : k + 1], points[4 + s])
+            _edge(points[s, 0], singular[b, s], bulges[b, s], waves[b, s], share[4 + s, : k + 1], points[4 + s])
             ahead = singular[b, (s + 1) % 4]
-            _edge(singular[b, s], ahead, bulges[b, 4 + s], share[8 + s, : cells[s] + 1], points[8 + s])
-        _mean(sides, points, share, cells, result[b])
+            part = share[8 + s, : cells[s] + 1]
+            _edge(singular[b, s], ahead, bulges[b, 4 + s], waves[b, 4 + s], part, points[8 + s])
+        _mean(sides, points, share, cells, swells[b], result[b])
     return result
 
 
@@ -264,6 +290,7 @@ def _all_c(  # noqa: PLR0917
     result = np.empty((len(start), 4))
     size = len(nodes) + 1
     points, share, cells = np.empty((24, size, 2)), np.empty((24, size)), np.empty(24, np.int64)
+    calm = np.empty((0, 2))
     for b in range(len(start)):
         vertex = np.empty((16, 2))
         for i in range(12):
@@ -276,6 +303,6 @@ def _all_c(  # noqa: PLR0917
             for i in range(inner[b, e] + 1):
                 share[12 + e, i] = i / inner[b, e]
             part = share[12 + e, : inner[b, e] + 1]
-            _edge(vertex[ends[e, 0]], vertex[ends[e, 1]], bulges[b, e], part, points[12 + e])
-        _mean(sides, points, share, cells, result[b])
+            _edge(vertex[ends[e, 0]], vertex[ends[e, 1]], bulges[b, e], calm[:0], part, points[12 + e])
+        _mean(sides, points, share, cells, calm.reshape(0, 0, 2), result[b])
     return result

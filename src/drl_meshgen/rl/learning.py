@@ -17,6 +17,7 @@ from torch import nn
 
 from drl_meshgen.rl.agent import AgentOptions, AgentPolicy
 from drl_meshgen.rl.boundary import PER_SIDE, side_samples
+from drl_meshgen.rl.controls import SHAPED
 from drl_meshgen.rl.corner_value import CornerValue, corner_choices, views
 from drl_meshgen.rl.domains import resampled
 from drl_meshgen.rl.kernel import judge_o
@@ -59,6 +60,8 @@ class LearnOptions:
     """Cells per side of the coarse meshes, at first and in the last 40 % of training."""
     width: int = 384
     """Units of each hidden layer of the placement policy."""
+    answered: int = SHAPED
+    """Continuous parameters: `controls.PLAIN` for those of the paper, `SHAPED` with waves and swells."""
     weights: Weights = field(default_factory=Weights)
     """Weights of the reward."""
 
@@ -83,7 +86,7 @@ class Learner:
         """Set up the networks from the seed."""
         self.options, self.bank, self.step = options or LearnOptions(), bank, 0
         torch.manual_seed(self.options.seed)
-        self.corner, self.placer = CornerValue(), Placer(self.options.width)
+        self.corner, self.placer = CornerValue(), Placer(self.options.width, answered=self.options.answered)
         parts = self.corner, self.placer
         self.optimisers = [torch.optim.Adam(part.parameters(), self.options.rate) for part in parts]
         self.coarse = {d: Surrogate(d, 3) for d in self.options.divisions}
@@ -102,7 +105,7 @@ class Learner:
         some = rng.integers(0, len(pairs), (o.domains, o.drawn))
         value = self.corner(torch.as_tensor(views(nodes)), torch.as_tensor(four[some]))
         picks = self._picks(value.detach().numpy(), rng)
-        which = np.broadcast_to(np.arange(o.domains), picks.shape)
+        which = np.tile(np.arange(o.domains), (len(picks), 1))
         corners = pairs[some[which, picks]]
         layers = np.full(picks.shape, o.nominal)
         layers[2] = rng.integers(o.layers[0], o.layers[1] + 1, o.domains)
@@ -138,21 +141,21 @@ class Learner:
         which, corners, layers = which.ravel(), corners.reshape(-1, 2), layers.ravel()
         rim = side_samples(nodes[which], corners, PER_SIDE)
         scene = Scene.of(rim, corners[:, 1], size, layers)
-        singular, bulges = scene.placed(self.placer(scene.seen))
-        points = coarse.points(
-            torch.as_tensor(rim[:taught, :: PER_SIDE // divisions]), singular[:taught], bulges[:taught]
-        )
+        parts = scene.placed(self.placer(scene.seen))
+        coarse_rim = torch.as_tensor(rim[:taught, :: PER_SIDE // divisions])
+        points = coarse.points(coarse_rim, **{name: part[:taught] for name, part in parts.items()})
         m = torch.as_tensor(corners[:taught, 1])
         share = coarse.share(m, size // 2 - m, torch.as_tensor(layers[:taught]))
         worth = Worth.apply(points, coarse.quads, share, o.weights)
         relevance = torch.ones(taught)
         relevance[(1 + o.soft[0]) * o.domains :] = o.anyhow_weight
         self._descend(1, -(relevance * worth).sum() / relevance.sum())
-        singular, bulges = singular.detach().numpy(), bulges.detach().numpy()
+        found = {name: part.detach().numpy() for name, part in parts.items()}
         exact = np.empty(len(which))
         for b, d in enumerate(which):
             one = slice(b, b + 1)
-            judged = judge_o(nodes[d], corners[one], layers[one], singular[one], bulges[one], o.weights)
+            some = {name: part[one] for name, part in found.items()}
+            judged = judge_o(nodes[d], corners[one], layers[one], weights=o.weights, **some)
             exact[b] = (judged.reward - judged.penalty)[0]
         return exact.reshape(shape)
 

@@ -9,11 +9,12 @@ from scipy.optimize import minimize
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.rl.boundary import side_samples
+from drl_meshgen.rl.controls import PLAIN, SHAPED, parameters_of, parts_of
 from drl_meshgen.rl.corner_value import corner_choices
 from drl_meshgen.rl.kernel import judge_o
 from drl_meshgen.rl.slope import worth_and_slope
 from drl_meshgen.templates.corners import reference
-from drl_meshgen.templates.curves import left_normal
+from drl_meshgen.templates.curves import SWELLS, WAVES, left_normal
 from drl_meshgen.templates.domain import Domain
 from drl_meshgen.templates.mesh import grid_quads
 from drl_meshgen.templates.o_type import EDGES, OParameters, grids, positions, rim_fractions
@@ -33,14 +34,15 @@ def tutte_points(nodes: Float[np.ndarray, "l 2"], corners: Int[np.ndarray, "b 2"
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """The nodes of an O-type mesh as a function of its 24 continuous parameters: `fixed + basis @ controls`.
+    """The nodes of an O-type mesh as a function of its continuous parameters: `fixed + basis @ controls`.
 
-    Controls are the singular points and the bulge vectors, two for each internal edge.
+    Controls are the singular points, then bulge vectors, waves and swells. Parameters are the same, but for bulges by
+    their amplitudes: `PLAIN` numbers without waves and swells, `SHAPED` with them.
     """
 
     corner: Float[np.ndarray, "4 2"]
     fixed: Float[np.ndarray, "p 2"]
-    basis: Float[np.ndarray, "p 20"]
+    basis: Float[np.ndarray, "p c"]
     quads: Int[np.ndarray, "q 4"]
 
     @classmethod
@@ -48,39 +50,43 @@ class Mesh:
         """Set up the mesh of a domain with corners `(i0, m)`."""
         i0, m = corners
         n = len(domain) // 2 - m
-        count = 4 + 2 * EDGES
+        count = 4 + 2 * EDGES + WAVES * EDGES + 4 * SWELLS
         boundary = np.concatenate([domain.nodes, np.zeros((len(domain), count))], axis=1)
-        unit = np.eye(count, 2 + count, 2)
+        singular, bulge, wave, swell = np.split(np.eye(count, 2 + count, 2), np.cumsum([4, 2 * EDGES, WAVES * EDGES]))
         both = positions(
             boundary,
-            unit[:4],
-            unit[4:].reshape(EDGES, 2, -1),
+            singular,
+            np.concatenate([part.reshape(EDGES, -1, 2 + count) for part in (bulge, wave)], axis=1),
             corners=(i0, m, n),
             radial=np.linspace(0, 1, layers + 1),
             fractions=rim_fractions(domain.nodes, i0, m, n),
+            swells=swell.reshape(4, SWELLS, -1),
         )
         at = (i0 + np.array([0, m, m + n, 2 * m + n])) % len(domain)
         quads = grid_quads(grids(i0, m, n, layers))
         return cls(domain.nodes[at], both[:, :2].copy(), both[:, 2:].copy(), quads)
 
-    def worth(self, x: Float[np.ndarray, "24"], weights: Weights) -> tuple[float, Float[np.ndarray, "24"]]:
-        """Return reward less penalty, and its gradient in the parameters: 4 points, then 8 pairs of amplitudes."""
-        singular, bulges = x[:8].reshape(4, 2), x[8:].reshape(EDGES, 2)
+    def worth(self, x: Float[np.ndarray, " c"], weights: Weights) -> tuple[float, Float[np.ndarray, " c"]]:
+        """Return reward less penalty, and its gradient in the parameters."""
+        singular, bulges = x[:8].reshape(4, 2), x[8:PLAIN].reshape(EDGES, 2)
         chord = np.concatenate([singular - self.corner, singular[list(NEXT)] - singular])
         normal = left_normal(chord)
-        controls = np.concatenate([singular, (bulges[..., None] * normal[:, None]).reshape(-1, 2)])
-        value, slope = worth_and_slope((self.fixed + self.basis @ controls)[None], self.quads, weights=weights)
-        in_controls = self.basis.T @ slope[0]
-        in_offset = in_controls[4:].reshape(EDGES, 2, 2)
+        bulged = (bulges[..., None] * normal[:, None]).reshape(-1, 2)
+        controls = np.concatenate([singular, bulged, x[PLAIN:].reshape(-1, 2)])
+        basis = self.basis[:, : len(controls)]
+        value, slope = worth_and_slope((self.fixed + basis @ controls)[None], self.quads, weights=weights)
+        in_controls = basis.T @ slope[0]
+        in_offset = in_controls[4 : 4 + 2 * EDGES].reshape(EDGES, 2, 2)
         in_bulges = (in_offset * normal[:, None]).sum(axis=-1)
         in_chord = -left_normal((bulges[..., None] * in_offset).sum(axis=1))
         in_singular = in_controls[:4] + in_chord[:4] - in_chord[4:] + in_chord[4:][[3, 0, 1, 2]]
-        return float(value[0]), np.concatenate([in_singular.ravel(), in_bulges.ravel()])
+        in_rest = in_controls[4 + 2 * EDGES :]
+        return float(value[0]), np.concatenate([in_singular.ravel(), in_bulges.ravel(), in_rest.ravel()])
 
 
 def ascended(
-    mesh: Mesh, start: Float[np.ndarray, "24"], iterations: int, weights: Weights
-) -> tuple[float, Float[np.ndarray, "24"]]:
+    mesh: Mesh, start: Float[np.ndarray, " c"], iterations: int, weights: Weights
+) -> tuple[float, Float[np.ndarray, " c"]]:
     """Return the worth found by L-BFGS from `start`, and its parameters."""
 
     def descent(x: np.ndarray) -> tuple[float, np.ndarray]:
@@ -106,6 +112,8 @@ class OptimizerPolicy:
     """Numbers of layers that are tried."""
     iterations: tuple[int, int] = (20, 200)
     """Steps of a short and of a long ascent."""
+    shaped: bool = True
+    """Whether internal edges may have waves and outer blocks swells, beyond the line types of the paper."""
     weights: Weights = field(default_factory=Weights)
     """Weights of the reward."""
 
@@ -132,9 +140,8 @@ class OptimizerPolicy:
             found.append((worth, pair, x))
         found.sort(key=lambda one: -one[0])
         finals = [self._final(local, pair, k, x) for _, pair, x in found[: self.kept] for k in counts]
-        _, _, (i0, m), k, x = max(finals, key=lambda one: one[:2])
-        singular = frame.to_world(x[:8].reshape(4, 2))
-        return OParameters(i0, m, len(domain) // 2 - m, k, singular, x[8:].reshape(EDGES, 2))
+        _, _, pair, k, x = max(finals, key=lambda one: one[:2])
+        return parameters_of(domain, pair, k, x)
 
     def _corners(self, domain: Domain, layers: int) -> Int[np.ndarray, "t 2"]:
         pairs, _ = corner_choices(len(domain), 3000)
@@ -147,7 +154,7 @@ class OptimizerPolicy:
     def _final(
         self, domain: Domain, pair: tuple[int, int], layers: int, start: np.ndarray
     ) -> tuple[bool, float, tuple[int, int], int, np.ndarray]:
+        start = np.concatenate([start, np.zeros(SHAPED - PLAIN if self.shaped else 0)])
         worth, x = ascended(Mesh.of(domain, pair, layers), start, self.iterations[1], self.weights)
-        shape = x[None, :8].reshape(1, 4, 2), x[None, 8:].reshape(1, EDGES, 2)
-        judged = judge_o(domain.nodes, np.array([pair]), np.array([layers]), *shape)
+        judged = judge_o(domain.nodes, np.array([pair]), np.array([layers]), **parts_of(x[None]))
         return bool(judged.valid[0]), worth, pair, layers, x

@@ -1,4 +1,4 @@
-"""Placement policy: singular points and line types of an O-type mesh from its four sides.
+"""Placement policy: singular points, line types, waves and swells of an O-type mesh from its four sides.
 
 A multi-layer perceptron answers how far to move from Tutte's embedding of a coarse O-grid. Its answers are averaged
 over the eight symmetries of the square, so naming, turning or mirroring the domain makes no difference. Its last layer
@@ -16,14 +16,13 @@ from torch import nn
 
 from drl_meshgen.rl import boundary
 from drl_meshgen.rl.boundary import PER_SIDE
+from drl_meshgen.rl.controls import SHAPED, parts_of
 from drl_meshgen.templates.corners import reference
 
 EXTRAS: Final = 2
 """Numbers that no symmetry changes: those of `log_counts`."""
 SEEN: Final = 8 * PER_SIDE + 2 + EXTRAS
 """Inputs: 16 samples a side, m / L and n / L, and the extras."""
-ANSWERED: Final = 24
-"""Outputs: four singular points and eight bulges, each two numbers."""
 MOST_BULGE: Final = 0.6
 """Largest amplitude of a bow or S, in chords."""
 
@@ -64,14 +63,18 @@ class Scene:
             torch.as_tensor(np.concatenate([np.real(direction), np.imag(direction)], axis=1)),
         )
 
-    def placed(
-        self, answer: Float[torch.Tensor, "b 24"]
-    ) -> tuple[Float[torch.Tensor, "b 4 2"], Float[torch.Tensor, "b 8 2"]]:
-        """Return singular points in the plane, and bulges."""
-        x, y = (self.singular + answer[:, :8].reshape(-1, 4, 2)).unbind(dim=-1)
-        c, s = self.direction[:, :1], self.direction[:, 1:]
-        singular = torch.stack([c * x - s * y, s * x + c * y], dim=-1) + self.origin[:, None]
-        return singular, MOST_BULGE * torch.tanh(answer[:, 8:].reshape(-1, 8, 2) / MOST_BULGE)
+    def placed(self, answer: Float[torch.Tensor, "b c"]) -> dict[str, Float[torch.Tensor, "b *d 2"]]:
+        """Return what was answered as fields of `OParameters`, in the plane."""
+        parts = parts_of(answer)
+        found = {"singular": self._turned(self.singular + parts["singular"]) + self.origin[:, None]}
+        found["bulges"] = MOST_BULGE * torch.tanh(parts["bulges"] / MOST_BULGE)
+        return found | {name: self._turned(parts[name]) for name in ("waves", "swells") if name in parts}
+
+    def _turned(self, vectors: Float[torch.Tensor, "b *d 2"]) -> Float[torch.Tensor, "b *d 2"]:
+        """Return vectors of the frame in the plane."""
+        x, y = vectors.unbind(dim=-1)
+        c, s = (part.reshape(-1, *[1] * (x.ndim - 1)) for part in self.direction.unbind(dim=-1))
+        return torch.stack([c * x - s * y, s * x + c * y], dim=-1)
 
 
 def log_counts(size: Int[np.ndarray, " b"] | int, layers: Int[np.ndarray, " b"] | int) -> tuple[np.ndarray, np.ndarray]:
@@ -82,20 +85,24 @@ def log_counts(size: Int[np.ndarray, " b"] | int, layers: Int[np.ndarray, " b"] 
 class Placer(nn.Module):
     """The placement policy; parameters in single precision."""
 
-    def __init__(self, width: int = 384, depth: int = 3) -> None:
-        """Set up `depth` hidden layers of `width` units."""
+    def __init__(self, width: int = 384, depth: int = 3, answered: int = SHAPED) -> None:
+        """Set up `depth` hidden layers of `width` units; `answered` is `PLAIN` or `SHAPED` parameters."""
         super().__init__()
-        self.width = width
+        self.width, self.answered = width, answered
         sizes = [SEEN, *[width] * depth]
         layers = [part for a, b in pairwise(sizes) for part in (nn.Linear(a, b), nn.SiLU())]
-        last = nn.Linear(width, ANSWERED)
+        last = nn.Linear(width, answered)
         nn.init.zeros_(last.weight)
         nn.init.zeros_(last.bias)
         self.body = nn.Sequential(*layers, last)
-        self._columns = torch.as_tensor(boundary.SAMPLES), torch.as_tensor(boundary.CONTROLS)
-        self._signs = torch.as_tensor(boundary.SAMPLE_SIGNS).float(), torch.as_tensor(boundary.CONTROL_SIGNS).float()
+        tables = boundary.SAMPLES, boundary.CONTROLS[:, :answered]
+        signs = boundary.SAMPLE_SIGNS, boundary.CONTROL_SIGNS[:, :answered]
+        self._columns, self._signs = (
+            [torch.as_tensor(one) for one in tables],
+            [torch.as_tensor(one).float() for one in signs],
+        )
 
-    def forward(self, seen: Float[torch.Tensor, "b s"]) -> Float[torch.Tensor, "b 24"]:
+    def forward(self, seen: Float[torch.Tensor, "b s"]) -> Float[torch.Tensor, "b c"]:
         """Return answers for `Scene.placed`, averaged over the symmetries."""
         x = seen.float()
         turned = x[:, self._columns[0]] * self._signs[0]  # (b, 8, samples and shares)

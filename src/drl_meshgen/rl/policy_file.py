@@ -29,7 +29,8 @@ def weights_of(corner: CornerValue, placer: Placer) -> dict[str, torch.Tensor]:
 
 def write_policy(path: Path | str, corner: CornerValue, placer: Placer, card: Mapping[str, Any]) -> None:
     """Write both networks and what there is to say about them; same weights and card, same bytes."""
-    told = {"format": FORMAT, "version": VERSION, "width": placer.width, **card}
+    sizes = {"corner_width": corner.width, "width": placer.width, "answered": placer.answered}
+    told = {"format": FORMAT, "version": VERSION, **sizes, **card}
     # one key, because the order of several is not fixed
     data = save(weights_of(corner, placer), {"card": json.dumps(told, sort_keys=True)})
     with replacing(path) as part:
@@ -41,7 +42,8 @@ def read_policy(path: Path | str, options: AgentOptions | None = None) -> AgentP
     weights, card = _read(Path(path))
     name = Path(path).name
     try:
-        corner, placer = CornerValue(), Placer(int(card["width"]))
+        corner = CornerValue(int(card["corner_width"]))
+        placer = Placer(int(card["width"]), answered=int(card["answered"]))
     except (KeyError, TypeError, ValueError):
         raise InputError(name, "is a policy file without its size", "take a file written by training") from None
     expected = {key: tuple(value.shape) for key, value in weights_of(corner, placer).items()}

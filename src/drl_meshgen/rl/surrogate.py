@@ -9,11 +9,13 @@ A coarse mesh is bent more per cell, so its reward is lower: by 0.06 at 6 cells 
 
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
 
+from drl_meshgen.templates.curves import SWELLS, WAVES
 from drl_meshgen.templates.domain import Domain
 from drl_meshgen.templates.mesh import grid_quads
 from drl_meshgen.templates.o_type import EDGES, grids, positions
@@ -27,15 +29,16 @@ class Surrogate:
         """Set up the matrix from controls to nodes."""
         self.divisions, self.layers = divisions, layers
         t = np.linspace(0, 1, divisions + 1)
-        rim, controls = 4 * divisions, 4 * divisions + 4 + 2 * EDGES
-        unit = np.eye(controls)
+        ends = np.cumsum([0, 4 * divisions, 4, 2 * EDGES, WAVES * EDGES, 4 * SWELLS])
+        rim, singular, bulge, wave, swell = (np.eye(ends[-1])[a:b] for a, b in pairwise(ends))
         matrix = positions(
-            unit[:rim],
-            unit[rim : rim + 4],
-            unit[rim + 4 :].reshape(EDGES, 2, controls),
+            rim,
+            singular,
+            np.concatenate([part.reshape(EDGES, -1, ends[-1]) for part in (bulge, wave)], axis=1),
             corners=(0, divisions, divisions),
             radial=np.linspace(0, 1, layers + 1),
             fractions=(t, t, t, t),
+            swells=swell.reshape(4, SWELLS, -1),
         )
         self.matrix = torch.as_tensor(matrix)
 
@@ -65,14 +68,19 @@ class Surrogate:
         rim: Float[torch.Tensor, "b r 2"],
         singular: Float[torch.Tensor, "b 4 2"],
         bulges: Float[torch.Tensor, "b 8 2"],
+        waves: Float[torch.Tensor, "b 8 2 2"] | None = None,
+        swells: Float[torch.Tensor, "b 4 3 2"] | None = None,
     ) -> Float[torch.Tensor, "b p 2"]:
-        """Return the nodes; `bulges` as in `OParameters`."""
+        """Return the nodes; all but the rim as in `OParameters`, without waves and swells if None."""
         start = torch.cat([rim[:, :: self.divisions], singular], dim=1)
         end = torch.cat([singular, torch.roll(singular, -1, dims=1)], dim=1)
         chord = end - start
         normal = torch.stack([-chord[..., 1], chord[..., 0]], dim=-1)
         offset = (bulges[..., None] * normal[:, :, None]).flatten(1, 2)
-        return self.matrix @ torch.cat([rim, singular, offset], dim=1)
+        controls = [rim, singular, offset]
+        if waves is not None and swells is not None:
+            controls += [waves.flatten(1, 2), swells.flatten(1, 2)]
+        return self.matrix[:, : sum(part.shape[1] for part in controls)] @ torch.cat(controls, dim=1)
 
     def share(
         self, m: Int[torch.Tensor, " b"], n: Int[torch.Tensor, " b"], layers: Int[torch.Tensor, " b"]

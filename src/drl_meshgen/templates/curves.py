@@ -1,4 +1,7 @@
-"""Line types of a template's internal edges (paper section 5.1.1): a chord with a bulge to either side."""
+"""Line types of a template's internal edges (paper section 5.1.1): a chord with a bulge to either side, and waves.
+
+Waves go beyond the paper: sines along the edge that move it by any vector, so that nodes can slide along it as well.
+"""
 
 from typing import Final
 
@@ -18,11 +21,20 @@ LINE_TYPES.setflags(write=False)
 
 STRAIGHT: Final = 0
 
+#: Sines along an internal edge, and along an outer block, by which it may be moved.
+WAVES: Final = 2
+SWELLS: Final = 3
 
-def shapes(t: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 2"]:
-    """Return the quadratic and cubic displacement at parameters `t` in 0..1, each of amplitude 1, zero at the ends."""
+
+def shapes(t: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 4"]:
+    """Return bow, S and `WAVES` sines at parameters `t` in 0..1, each of amplitude 1, zero at the ends."""
     bow = 4 * t * (1 - t)
-    return np.stack([bow, 1.5 * np.sqrt(3.0) * bow * (1 - 2 * t)], axis=-1)
+    return np.concatenate([np.stack([bow, 1.5 * np.sqrt(3.0) * bow * (1 - 2 * t)], axis=-1), sines(t, WAVES)], axis=-1)
+
+
+def sines(t: Float[np.ndarray, " n"], count: int) -> Float[np.ndarray, "n count"]:
+    """Return `sin(i pi t)` for i = 1 .. count."""
+    return np.sin(np.pi * np.outer(t, np.arange(1, count + 1)))
 
 
 def left_normal(vectors: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 2"]:
@@ -40,11 +52,11 @@ def offsets(
 def sample(
     start: Float[np.ndarray, " d"],
     end: Float[np.ndarray, " d"],
-    offset: Float[np.ndarray, "2 d"],
+    offset: Float[np.ndarray, "s d"],
     t: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, "n d"]:
-    """Return points of an internal edge at parameters `t`; `t = 0` and `t = 1` give the ends exactly."""
-    return (1 - t)[:, None] * start + t[:, None] * end + shapes(t) @ offset
+    """Return points of an internal edge at parameters `t`, displaced by `offset` times the first of `shapes`."""
+    return (1 - t)[:, None] * start + t[:, None] * end + shapes(t)[:, : len(offset)] @ offset
 
 
 def graded(count: int, ratio: float) -> Float[np.ndarray, " n"]:

@@ -8,7 +8,7 @@ Ring 0 is the boundary, ring k the rim of the core; ring `r` holds the points `r
 facing boundary node `i`; the interior of the core follows, `j` fastest.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.mesh.trimesh import frozen
-from drl_meshgen.templates.curves import graded, offsets, sample
+from drl_meshgen.templates.curves import SWELLS, WAVES, graded, offsets, sample, sines
 from drl_meshgen.templates.domain import Domain
 from drl_meshgen.templates.mesh import TemplateMesh
 from drl_meshgen.templates.tfi import arc_fractions, transfinite
@@ -42,10 +42,16 @@ class OParameters:
     """Quadratic and cubic amplitude of each internal edge as fractions of its chord; see `curves.LINE_TYPES`."""
     grading: float = 1.0
     """Ratio of the thickness of each layer to that of the layer outside it."""
+    waves: Float[np.ndarray, "8 2 2"] = field(default_factory=lambda: np.zeros((EDGES, WAVES, 2)))
+    """Displacement of each internal edge by its sines, in the units of the domain; see `curves.shapes`."""
+    swells: Float[np.ndarray, "4 3 2"] = field(default_factory=lambda: np.zeros((4, SWELLS, 2)))
+    """Displacement of the middle of each outer block by sines along its side, in the units of the domain."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "singular", frozen(self.singular, np.float64))
         object.__setattr__(self, "bulges", frozen(self.bulges, np.float64))
+        object.__setattr__(self, "waves", frozen(self.waves, np.float64))
+        object.__setattr__(self, "swells", frozen(self.swells, np.float64))
         if min(self.m, self.n, self.layers) < 1:
             raise InputError("O-type template", f"m, n, k = {self.m}, {self.n}, {self.layers}", "each must be positive")
 
@@ -83,13 +89,14 @@ def rim_fractions(nodes: Float[np.ndarray, "l 2"], i0: int, m: int, n: int) -> t
 def positions(
     boundary: Float[np.ndarray, "l d"],
     singular: Float[np.ndarray, "4 d"],
-    offset: Float[np.ndarray, "8 2 d"],
+    offset: Float[np.ndarray, "8 s d"],
     *,
     corners: tuple[int, int, int],
     radial: Float[np.ndarray, " k1"],
     fractions: tuple[np.ndarray, ...],
+    swells: Float[np.ndarray, "4 w d"] | None = None,
 ) -> Float[np.ndarray, "p d"]:
-    """Return all points of the mesh; linear in `boundary`, `singular` and `offset` for fixed division of the edges.
+    """Return all points of the mesh; linear in all but `corners`, `radial` and `fractions`.
 
     `corners` is `(i0, m, n)`, `radial` the fractions of the spokes, `fractions` those of `rim_fractions`. A side of the
     core is divided at the mean of the fractions of the two boundary sides that face it.
@@ -107,6 +114,9 @@ def positions(
         side = sample(singular[s], singular[ahead], offset[4 + s], divided[s])
         share = fractions[s], divided[s], radial, radial
         points[outer[s]] = transfinite(boundary[rim], side, spokes[s], spokes[ahead], share)
+        if swells is not None:
+            along, inwards = sines(np.linspace(0, 1, len(rim)), SWELLS), sines(np.linspace(0, 1, k + 1), 1)
+            points[outer[s][1:-1, 1:-1]] += (along @ swells[s])[1:-1, None] * inwards[1:-1]
     share = across[0], across[0], across[1], across[1]
     rims = points[core[:, 0]], points[core[:, -1]], points[core[0]], points[core[-1]]
     points[core] = transfinite(*rims, share)
@@ -127,9 +137,10 @@ def instantiate(domain: Domain, parameters: OParameters) -> TemplateMesh:
     points = positions(
         domain.nodes,
         p.singular,
-        offsets(start, end, p.bulges),
+        np.concatenate([offsets(start, end, p.bulges), p.waves], axis=1),
         corners=(p.i0, p.m, p.n),
         radial=graded(p.layers, p.grading),
         fractions=rim_fractions(domain.nodes, p.i0, p.m, p.n),
+        swells=p.swells,
     )
     return TemplateMesh(points, grids(p.i0, p.m, p.n, p.layers))

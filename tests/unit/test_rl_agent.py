@@ -1,0 +1,146 @@
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load_file, save_file
+
+from drl_meshgen.errors import InputError
+from drl_meshgen.rl import DataSet, samples_of
+from drl_meshgen.rl.agent import AgentOptions, AgentPolicy, Proposals
+from drl_meshgen.rl.controls import PLAIN
+from drl_meshgen.rl.corner_value import CornerValue
+from drl_meshgen.rl.kernel import Judged
+from drl_meshgen.rl.learning import Bank, Learner, LearnOptions
+from drl_meshgen.rl.placer import Placer
+from drl_meshgen.rl.policy_file import read_card, read_policy, weights_of, write_policy
+from drl_meshgen.templates import Domain, instantiate
+from drl_meshgen.templates.score import reward
+
+TURN = np.array([[0.6, 0.8], [-0.8, 0.6]])
+ALL = 10_000
+TINY = LearnOptions(steps=40, domains=4, sizes=(40, 24), width=16, drawn=20)
+
+
+def drawn(data, count):
+    return [sample.domain for sample in samples_of(data, range(count))]
+
+
+@pytest.fixture(scope="module")
+def bank():
+    return Bank(drawn(DataSet.TRAIN, 4), drawn(DataSet.TRAIN_HARD, 4))
+
+
+@pytest.fixture(scope="module")
+def policy():
+    torch.manual_seed(0)
+    return AgentPolicy(CornerValue(32), Placer(16), AgentOptions(tried=ALL))
+
+
+def trained(bank, steps, options=TINY):
+    learner = Learner(bank, options)
+    for _ in range(steps):
+        learner.advance()
+    return learner
+
+
+def test_the_same_seed_gives_the_same_weights(bank):
+    one, two = (trained(bank, 3) for _ in range(2))
+    for a, b in zip(
+        weights_of(one.corner, one.placer).values(), weights_of(two.corner, two.placer).values(), strict=True
+    ):
+        assert torch.equal(a, b)
+    other = trained(bank, 3, LearnOptions(**{**TINY.__dict__, "seed": 2}))
+    assert not torch.equal(other.placer.body[0].weight, one.placer.body[0].weight)
+
+
+def test_training_improves_placements_and_corner_values(bank):
+    def worth(learner):
+        policy, nodes = learner.policy(), bank.kinds[0][0]
+        found = policy.proposals(nodes, policy.corners([nodes], ALL)[0][::7], (3,)).judged
+        return (found.reward - found.penalty).clip(0)
+
+    before, after = worth(trained(bank, 0)), worth(trained(bank, 40))
+    assert after.mean() > before.mean()
+    assert after[:20].mean() > before[:20].mean()
+
+
+def test_a_valid_proposal_comes_before_a_better_one_that_is_not():
+    def best(reward, penalty, least):
+        given = [np.array(part) for part in (reward, penalty, least)]
+        judged = Judged(*given, np.zeros(len(reward)), np.zeros(len(reward)))
+        return Proposals(np.zeros((len(reward), 2), np.int64), np.zeros(len(reward), np.int64), {}, judged).best
+
+    assert best([0.9, 0.5, 0.6], [0.1, 0.0, 0.0], [-0.1, 0.2, 0.1]) == 2
+    assert best([0.9, 0.8], [0.5, 0.1], [-0.1, -0.2]) == 1
+
+
+@pytest.mark.parametrize("index", [0, 3])
+def test_what_it_chooses_is_a_valid_mesh_worth_what_was_judged(policy, index):
+    domain = drawn(DataSet.TEST_STANDARD, index + 1)[index]
+    moved = Domain(2.5 * domain.nodes + 4)
+    mesh = instantiate(moved, policy.choose(moved))
+    found = policy.proposals(domain.nodes, policy.corners([domain.nodes], ALL)[0], (3,))
+    assert mesh.valid
+    assert float(reward(np.array(mesh.points), np.array(mesh.quads))) == pytest.approx(
+        found.judged.reward[found.best], abs=1e-6
+    )
+
+
+def test_where_nothing_it_proposes_is_valid_gradient_ascent_helps():
+    torch.manual_seed(0)
+    placer = Placer(8, answered=PLAIN)
+    torch.nn.init.constant_(placer.body[-1].bias, 3.0)
+    torch.nn.init.normal_(placer.body[-1].weight, 0, 3.0)
+    domain = drawn(DataSet.TEST_STANDARD, 2)[1]
+    wild = AgentPolicy(CornerValue(8), placer, AgentOptions(tried=2, tried_again=2, layers_again=(3,)))
+    nodes = domain.nodes
+    assert not wild.proposals(nodes, wild.corners([nodes], 2)[0], (3,)).judged.valid.any()
+    assert instantiate(domain, wild.choose(domain)).valid
+
+
+def test_given_corners_and_layers_are_kept_and_odd_boundaries_refused(policy):
+    domain = drawn(DataSet.TEST_STANDARD, 1)[0]
+    found = policy.choose(domain, layers=5, corners=(7, 25))
+    assert (found.i0, found.m, found.layers) == (7, 25, 5)
+    with pytest.raises(InputError, match="odd number"):
+        policy.choose(Domain(domain.nodes[1:]))
+
+
+def test_a_file_gives_back_the_policy_and_always_has_the_same_bytes(policy, tmp_path):
+    card = {"seed": 1, "steps": 2, "about": "a test"}
+    for name in ("one", "two"):
+        write_policy(tmp_path / f"{name}.safetensors", policy.corner, Placer(16), card)
+    write_policy(tmp_path / "same.safetensors", policy.corner, policy.placer, card)
+    again = read_policy(tmp_path / "same.safetensors", policy.options)
+    domain = drawn(DataSet.TEST_STANDARD, 1)[0]
+    assert np.array_equal(again.choose(domain).singular, policy.choose(domain).singular)
+    assert read_card(tmp_path / "same.safetensors").items() >= card.items()
+    write_policy(tmp_path / "again.safetensors", again.corner, again.placer, card)
+    assert (tmp_path / "again.safetensors").read_bytes() == (tmp_path / "same.safetensors").read_bytes()
+
+
+def test_files_that_are_no_policies_are_refused_by_name(policy, tmp_path):
+    path = tmp_path / "agent.safetensors"
+    with pytest.raises(InputError, match=r"agent.safetensors: no such policy file"):
+        read_policy(path)
+    write_policy(path, policy.corner, policy.placer, {})
+    whole = path.read_bytes()
+    for cut in (0, 5, 100, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:cut])
+        with pytest.raises(InputError, match=r"agent.safetensors: is not a whole safetensors file"):
+            read_policy(path)
+    path.write_bytes(whole.replace(b'\\"version\\": 1', b'\\"version\\": 7'))
+    with pytest.raises(InputError, match="version 7, this program reads version 1"):
+        read_policy(path)
+    path.write_bytes(whole.replace(b'\\"width\\": 16', b'\\"width\\": 17'))
+    with pytest.raises(InputError, match=r"weight placer.body.0.bias has shape \(16,\), not \(17,\)"):
+        read_policy(path)
+    path.write_bytes(whole.replace(b'\\"width\\": 16', b'\\"width\\": [3'))
+    with pytest.raises(InputError, match=r"agent\.safetensors"):
+        read_policy(path)
+    path.write_bytes(b"\x80\x04pickled" + b"\0" * 100)
+    with pytest.raises(InputError, match="is not a whole safetensors file"):
+        read_policy(path)
+    save_file({"a": torch.zeros(2)}, path)
+    assert set(load_file(path)) == {"a"}
+    with pytest.raises(InputError, match="is a safetensors file but no policy"):
+        read_policy(path)
