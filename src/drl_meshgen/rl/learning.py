@@ -166,6 +166,12 @@ class Learner:
         nn.utils.clip_grad_norm_(network.parameters(), 1.0)
         optimiser.step()
 
+    @property
+    def episodes(self) -> int:
+        """Meshes that were made and judged so far."""
+        o = self.options
+        return self.step * o.domains * (1 + sum(o.soft) + sum(o.anyhow))
+
     def policy(self, options: AgentOptions | None = None) -> AgentPolicy:
         """Return the policy as it is now."""
         return AgentPolicy(self.corner, self.placer, options)

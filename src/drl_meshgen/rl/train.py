@@ -1,0 +1,142 @@
+"""Train the project's policy: `python -m drl_meshgen.rl.train --out out/train`; see docs/learning.md.
+
+Interrupted, the same command goes on from the last checkpoint and ends with the same weights.
+"""
+
+import json
+import time
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any
+
+import pandas as pd
+import torch
+import typer
+from safetensors import safe_open
+from safetensors.torch import save_file
+
+from drl_meshgen.errors import InputError
+from drl_meshgen.export import read_table, write_table
+from drl_meshgen.export.atomic import replacing
+from drl_meshgen.rl.datasets import DataSet, Sample, read_samples, samples_of, write_samples
+from drl_meshgen.rl.learning import Bank, Learner, LearnOptions, examine
+from drl_meshgen.rl.policy_file import weights_of, write_policy
+from drl_meshgen.templates.domain import Domain
+
+EXAMINED = 60
+"""Domains of each validation set that the curve is taken on."""
+EVERY = 500
+"""Steps between rows of the curve, and checkpoints."""
+EARLY = 0.1
+"""Share of training after which the policy is kept for comparison (paper Fig. 11)."""
+
+
+def drawn(path: Path, sets: Sequence[DataSet], count: int) -> dict[str, list[Domain]]:
+    """Return the first `count` domains of each set by its name, kept in a file between runs."""
+    wanted = {data.key: min(count, data.size) for data in sets}
+    samples: list[Sample] = read_samples(path) if path.is_file() else []
+    found = {key: [one.domain for one in samples if one.set == key] for key in wanted}
+    if any(len(found[key]) != size for key, size in wanted.items()):
+        samples = [one for data in sets for one in samples_of(data, range(wanted[data.key]))]
+        write_samples(path, samples)
+        found = {key: [one.domain for one in samples if one.set == key] for key in wanted}
+    return found
+
+
+def write_checkpoint(path: Path, learner: Learner) -> None:
+    """Write weights, the optimisers' moments and the step."""
+    tensors = weights_of(learner.corner, learner.placer)
+    for i, optimiser in enumerate(learner.optimisers):
+        for key, moments in optimiser.state_dict()["state"].items():
+            tensors |= {f"adam.{i}.{key}.{name}": value.contiguous() for name, value in moments.items()}
+    with replacing(path) as part:
+        save_file(tensors, part, {"step": str(learner.step)})
+
+
+def read_checkpoint(path: Path, learner: Learner) -> None:
+    """Continue a learner from a checkpoint; raises `InputError` where its options were others."""
+    with safe_open(path, framework="pt") as file:
+        step = int(file.metadata()["step"])
+        tensors = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118
+    here = weights_of(learner.corner, learner.placer)
+    if any(key not in tensors or tensors[key].shape != value.shape for key, value in here.items()):
+        raise InputError(path.name, "is a checkpoint of other networks", "give another folder, or delete it")
+    for part, network in (("corner.", learner.corner), ("placer.", learner.placer)):
+        network.load_state_dict({k.removeprefix(part): v for k, v in tensors.items() if k.startswith(part)})
+    for i, optimiser in enumerate(learner.optimisers):
+        state: dict[int, dict[str, torch.Tensor]] = {}
+        for key in (key for key in tensors if key.startswith(f"adam.{i}.")):
+            _, _, index, name = key.split(".")
+            state.setdefault(int(index), {})[name] = tensors[key]
+        optimiser.load_state_dict({"state": state, "param_groups": optimiser.state_dict()["param_groups"]})
+    learner.step = step
+
+
+def card_of(learner: Learner, domains: int, last: dict[str, float]) -> dict[str, Any]:
+    """Return the model card: data, seed, versions and scores on the validation sets."""
+    o = learner.options
+    return {
+        "about": "O-type templates of plane domains: values of corners, placement of singular points and lines",
+        "data": f"{domains} domains each of the sets train and train-hard",
+        "seed": o.seed,
+        "steps": learner.step,
+        "layers": o.nominal,
+        "versions": {name: version(name) for name in ("drl-meshgen", "numba", "numpy", "torch")},
+        "validation": {key: round(value, 4) for key, value in last.items()},
+    }
+
+
+def row_of(learner: Learner, worth: float, error: float, validation: dict[str, list[Domain]]) -> dict[str, float]:
+    """Return a row of the curve."""
+    row: dict[str, float] = {"step": learner.step, "episodes": learner.episodes, "worth": worth, "value_error": error}
+    for key, domains in validation.items():
+        means = examine(learner.policy(), domains).mean()
+        row |= {f"{key} {name}": float(means[name]) for name in means.index}
+    return row
+
+
+def train(
+    out: Annotated[Path, typer.Option(help="Folder of checkpoints, curve and policy.")] = Path("out/train"),
+    steps: Annotated[int, typer.Option(min=1, help="Steps from nothing to the end.")] = LearnOptions.steps,
+    seed: Annotated[int, typer.Option(help="Seed of weights and draws.")] = LearnOptions.seed,
+    domains: Annotated[int, typer.Option(min=2, help="Training domains of each kind.")] = DataSet.TRAIN.size,
+    threads: Annotated[int, typer.Option(min=1, help="Threads; weights are the same for the same number.")] = 2,
+) -> None:
+    """Train the policy and write `agent.safetensors`, its early self, and the learning curve."""
+    torch.set_num_threads(threads)
+    out.mkdir(parents=True, exist_ok=True)
+    training = drawn(out / "domains.parquet", (DataSet.TRAIN, DataSet.TRAIN_HARD), domains)
+    validation = drawn(out / "validation.parquet", (DataSet.VALIDATION, DataSet.VALIDATION_HARD), EXAMINED)
+    learner = Learner(Bank(*training.values()), LearnOptions(seed=seed, steps=steps))
+    rows, seconds, checkpoint = [], [], out / "checkpoint.safetensors"
+    if checkpoint.is_file():
+        read_checkpoint(checkpoint, learner)
+        rows = read_table(out / "curve.parquet").to_dict("records")
+        seconds = read_table(out / "curve-seconds.parquet").to_dict("records")
+    # imported here because its import takes a second
+    from torch.utils.tensorboard import SummaryWriter
+
+    with SummaryWriter(str(out / "tensorboard"), purge_step=learner.step) as board:
+        begin = time.process_time() - (seconds[-1]["cpu_seconds"] if seconds else 0.0)
+        while learner.step < steps:
+            worth, error = learner.advance()
+            if learner.step % EVERY and learner.step not in {steps, int(EARLY * steps)}:
+                continue
+            rows.append(row_of(learner, worth, error, validation))
+            seconds.append({"step": learner.step, "cpu_seconds": time.process_time() - begin})
+            for name, value in rows[-1].items():
+                board.add_scalar(name, value, learner.step)
+            write_table(out / "curve.parquet", pd.DataFrame(rows))
+            write_table(out / "curve-seconds.parquet", pd.DataFrame(seconds))
+            write_checkpoint(checkpoint, learner)
+            last = {key: value for key, value in rows[-1].items() if key.startswith("validation")}
+            name = "early" if learner.step == int(EARLY * steps) else "agent"
+            card = card_of(learner, len(training[DataSet.TRAIN.key]), last)
+            write_policy(out / f"{name}.safetensors", learner.corner, learner.placer, card)
+            typer.echo(f"step {learner.step}: " + json.dumps(card["validation"]))
+    typer.echo(out / "agent.safetensors")
+
+
+if __name__ == "__main__":
+    typer.run(train)

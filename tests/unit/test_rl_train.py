@@ -1,0 +1,56 @@
+import pytest
+import torch
+
+from drl_meshgen.errors import InputError
+from drl_meshgen.export import read_table
+from drl_meshgen.rl import DataSet, samples_of
+from drl_meshgen.rl import train as training
+from drl_meshgen.rl.learning import Bank, Learner, LearnOptions
+from drl_meshgen.rl.policy_file import read_card, weights_of
+
+TINY = LearnOptions(steps=8, domains=4, sizes=(24, 40), width=16, drawn=20)
+
+
+@pytest.fixture(scope="module")
+def bank():
+    sets = [[sample.domain for sample in samples_of(data, range(3))] for data in (DataSet.TRAIN, DataSet.TRAIN_HARD)]
+    return Bank(*sets)
+
+
+def test_training_goes_on_from_a_checkpoint_as_if_never_interrupted(bank, tmp_path):
+    straight, first, second = (Learner(bank, TINY) for _ in range(3))
+    for _ in range(8):
+        straight.advance()
+    for _ in range(5):
+        first.advance()
+    training.write_checkpoint(tmp_path / "checkpoint.safetensors", first)
+    training.read_checkpoint(tmp_path / "checkpoint.safetensors", second)
+    for _ in range(3):
+        second.advance()
+    ends = [weights_of(one.corner, one.placer) for one in (straight, second)]
+    assert all(torch.equal(ends[0][key], ends[1][key]) for key in ends[0])
+    with pytest.raises(InputError, match="checkpoint of other networks"):
+        training.read_checkpoint(tmp_path / "checkpoint.safetensors", Learner(bank, LearnOptions(width=8)))
+
+
+def test_a_run_leaves_policy_early_policy_and_curve(tmp_path, monkeypatch):
+    monkeypatch.setattr(training, "EXAMINED", 2)
+    monkeypatch.setattr(training, "EVERY", 5)
+    threads = torch.get_num_threads()
+    try:
+        training.train(tmp_path, steps=10, seed=3, domains=4, threads=1)
+        before = (tmp_path / "agent.safetensors").read_bytes()
+        training.train(tmp_path, steps=10, seed=3, domains=4, threads=1)
+    finally:
+        torch.set_num_threads(threads)
+    curve = read_table(tmp_path / "curve.parquet")
+    assert curve["step"].tolist() == [1, 5, 10]
+    assert (curve["episodes"] == curve["step"] * 16 * 12).all()
+    assert read_card(tmp_path / "early.safetensors")["steps"] == 1
+    assert read_card(tmp_path / "agent.safetensors")["validation"].keys() == {
+        f"{key} {name}"
+        for key in ("validation", "validation-hard")
+        for name in ("reward", "orthogonality", "jacobian", "valid")
+    }
+    assert (tmp_path / "agent.safetensors").read_bytes() == before
+    assert list((tmp_path / "tensorboard").iterdir())
