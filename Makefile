@@ -14,7 +14,7 @@ export OMP_NUM_THREADS ?= 2
 export OPENBLAS_NUM_THREADS ?= 2
 export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 
-.PHONY: setup libraries demo test lint bench extra-bench robustness bench-quality clean
+.PHONY: setup libraries demo test lint bench extra-bench robustness bench-quality train-value judge-value clean
 
 setup: $(STAMP)
 
@@ -64,6 +64,18 @@ robustness: setup
 bench-quality: extra-bench
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m drl_meshgen.benchmarks.quality --resume \
 		--models $(MODELS) --out docs/benchmarks
+
+# A learner by value or policy gradient: dqn (the paper's), rainbow or ppo. Interrupted, the next call goes on.
+LEARNER ?= dqn
+MINUTES ?= 60
+SEED ?= 0
+train-value: setup
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m drl_meshgen.rl.train_value --learner $(LEARNER) \
+		--minutes $(MINUTES) --seed $(SEED) --past-convergence --data out/rl/domains --out out/rl/$(LEARNER)
+
+judge-value: setup
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m drl_meshgen.rl.judge_value \
+		$(foreach name,dqn rainbow ppo,docs/benchmarks/rl/$(name).safetensors) --out docs/benchmarks/rl
 
 clean:
 	rm -rf build dist out reports/generated .pytest_cache .ruff_cache .hypothesis .import_linter_cache

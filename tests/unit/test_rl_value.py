@@ -11,6 +11,7 @@ from drl_meshgen.errors import InputError
 from drl_meshgen.export import read_table
 from drl_meshgen.rl import DataSet, samples_of
 from drl_meshgen.rl.environment import STEPS, EnvironmentOptions
+from drl_meshgen.rl.judge_value import main as judge
 from drl_meshgen.rl.train_value import RECIPES, Choice, main
 from drl_meshgen.rl.value.episodes import play
 from drl_meshgen.rl.value.networks import Encoder, NetworkOptions, network, tensors
@@ -19,6 +20,7 @@ from drl_meshgen.rl.value.ppo import advantages, chances, policy_loss
 from drl_meshgen.rl.value.record import converged
 from drl_meshgen.rl.vector import VectorEnvironment
 from drl_meshgen.templates import Domain, instantiate
+from drl_meshgen.templates.score import reward
 
 GRAPH = NetworkOptions(nodes=6, rounds=2, hidden=16)
 RELATIVE = NetworkOptions(Encoder.RELATIVE, nodes=6, rounds=2, hidden=16)
@@ -203,3 +205,20 @@ def test_every_recipe_has_a_network_that_plays_whole_episodes(domains):
         play(made(recipe.network), many, np.arange(4))
         assert many.over.all()
         assert {p.layers for p in map(many.parameters, range(4))} <= set(range(3, 11))
+
+
+def test_judging_writes_a_row_per_policy_and_domain_and_the_times_apart(tmp_path, capsys):
+    for name, options in (("a", GRAPH), ("b", RELATIVE)):
+        policy = ValuePolicy(made(options), EnvironmentOptions())
+        save_value_policy(tmp_path / f"{name}.safetensors", policy, options, {})
+    judge([str(tmp_path / "a.safetensors"), str(tmp_path / "b.safetensors"), "--domains", "2", "--out", str(tmp_path)])
+    table = read_table(tmp_path / "scores.parquet")
+    assert table[["policy", "set", "index"]].drop_duplicates().shape[0] == len(table) == 8
+    assert "ms" not in " ".join(table)
+    assert (tmp_path / "scores-ms.csv").read_text().startswith("policy,set,ms_single,ms_together")
+    assert "test-hard" in capsys.readouterr().out
+    sample = next(samples_of(DataSet.TEST_HARD, [1]))
+    mesh = instantiate(sample.domain, policy.choose(sample.domain))
+    found = table[(table["policy"] == "b") & (table["set"] == "test-hard")].iloc[1]
+    assert found["reward"] == pytest.approx(float(reward(np.array(mesh.points), np.array(mesh.quads))))
+    assert found["valid"] == mesh.valid
