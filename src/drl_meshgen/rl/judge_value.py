@@ -69,7 +69,7 @@ def main(arguments: list[str] | None = None) -> int:
             samples = list(samples_of(data, range(min(data.size, given.domains or data.size))))
             tables.append(scores(policy, samples).assign(policy=path.stem))
             times.append({"policy": path.stem, "set": data.key} | milliseconds(policy, samples))
-    table = pd.concat(tables, ignore_index=True)[["policy", "set", "index", "family", *FIGURES]]
+    table = pd.concat(tables, ignore_index=True).reindex(columns=["policy", "set", "index", "family", *FIGURES])
     write_table(given.out / "scores.parquet", table)
     with replacing(given.out / "scores.csv") as part:
         table.round(6).to_csv(part, index=False)
