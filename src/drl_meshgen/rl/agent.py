@@ -14,10 +14,18 @@ from drl_meshgen.rl.corner_value import CornerValue, corner_choices, views
 from drl_meshgen.rl.kernel import Judged, judge_o
 from drl_meshgen.rl.optimum import OptimizerPolicy
 from drl_meshgen.rl.placer import Placer, Scene
-from drl_meshgen.templates.domain import Domain
+from drl_meshgen.templates.domain import Domain, Frame
 from drl_meshgen.templates.o_type import OParameters
-from drl_meshgen.templates.options import Size
+from drl_meshgen.templates.options import PlacementOptions, Size
+from drl_meshgen.templates.placement import MAX_BOW, fitted
+from drl_meshgen.templates.policy import parameters_of as parameters_of_placement
 from drl_meshgen.templates.score import Weights
+from drl_meshgen.templates.sketch import Sketch
+
+LEARNT_LAYERS = 3, 10
+"""Fewest and most layers that the policy was trained on."""
+SKETCHED = 6
+"""Cells per side of the coarse mesh on which sizes are met."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,23 +81,45 @@ class AgentPolicy:
         domain: Domain,
         *,
         layers: int | None = None,
-        size: Size | None = None,  # noqa: ARG002
+        size: Size | None = None,
         corners: tuple[int, int] | None = None,
     ) -> OParameters:
         """Return the best proposal; where none makes a valid mesh, the outcome of gradient ascent.
 
+        With `size`, proposals are scaled to it and judged by how well they meet it instead of by the reward.
         Raises `InputError` for an odd number of nodes.
         """
         if len(domain) % 2:
             raise InputError("O-type template", f"boundary has an odd number of nodes ({len(domain)})", "make it even")
         nodes = domain.frame.to_local(domain.nodes)
         o = self.options
+        if size is not None:
+            pairs = np.array([corners]) if corners else self.corners([nodes], o.tried)[0]
+            return self._sized(Domain(nodes), pairs, domain.frame, layers, size)
         for count, values in ((o.tried, o.layers), (o.tried_again, o.layers_again)):
             pairs = np.array([corners]) if corners else self.corners([nodes], count)[0]
             found = self.proposals(nodes, pairs, values if layers is None else (layers,))
             if found.judged.valid[found.best]:
                 return found.parameters(domain, found.best)
         return OptimizerPolicy(weights=o.weights).choose(domain, layers=layers, corners=corners)
+
+    def _sized(
+        self, domain: Domain, pairs: Int[np.ndarray, "t 2"], frame: Frame, layers: int | None, size: Size
+    ) -> OParameters:
+        """Return the proposal that meets wanted sizes best once its core is scaled and its layers are counted."""
+        asked = min(max(layers or min(self.options.layers), LEARNT_LAYERS[0]), LEARNT_LAYERS[1])
+        found = self.proposals(domain.nodes, pairs, (asked,))
+        options = PlacementOptions()
+        placed = []
+        for (i0, m), singular, bulges in zip(
+            pairs.tolist(), found.parts["singular"], found.parts["bulges"], strict=True
+        ):
+            sketch = Sketch.of(domain, i0, m, SKETCHED, 3)
+            wanted = lambda points: size(frame.to_world(points)) / frame.scale  # noqa: E731
+            shape = singular, bulges[:, 0].clip(-MAX_BOW, MAX_BOW)
+            placed.append((fitted(sketch, wanted, layers, options, shape), sketch))
+        placement, sketch = min(placed, key=lambda pair: pair[0].energy)
+        return parameters_of_placement(placement, sketch, frame.to_world(placement.singular))
 
     def corners(self, domains: Sequence[Float[np.ndarray, "l 2"]], count: int) -> list[Int[np.ndarray, "t 2"]]:
         """Return the `count` most valuable choices of corners of domains of unit scale, best first."""

@@ -78,8 +78,8 @@ class Scene:
 
 
 def log_counts(size: Int[np.ndarray, " b"] | int, layers: Int[np.ndarray, " b"] | int) -> tuple[np.ndarray, np.ndarray]:
-    """Return numbers of boundary nodes and layers, on a scale on which networks learn them."""
-    return np.log(np.asarray(size) / 100), np.log(np.asarray(layers) / 6)
+    """Return numbers of boundary nodes (at least 24) and layers, on a scale on which networks learn them."""
+    return np.log(np.maximum(size, 24) / 100), np.log(np.asarray(layers) / 6)
 
 
 class Placer(nn.Module):

@@ -92,7 +92,7 @@ def row_of(learner: Learner, worth: float, error: float, validation: dict[str, l
     row: dict[str, float] = {"step": learner.step, "episodes": learner.episodes, "worth": worth, "value_error": error}
     for key, domains in validation.items():
         means = examine(learner.policy(), domains).mean()
-        row |= {f"{key} {name}": float(means[name]) for name in means.index}
+        row |= {f"{key} {name}": value for name, value in means.to_dict().items()}
     return row
 
 

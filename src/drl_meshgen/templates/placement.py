@@ -25,6 +25,10 @@ CHORD: Final[np.ndarray] = np.concatenate([np.eye(4), np.roll(np.eye(4), 1, axis
 TURN: Final[np.ndarray] = np.array([[0.0, 1.0], [-1.0, 0.0]])
 
 
+Shape = tuple[Float[np.ndarray, "4 2"], Float[np.ndarray, " 8"]]
+"""Singular points and bows."""
+
+
 @dataclass(frozen=True, eq=False)
 class Placement:
     """Continuous parameters of a sketch and the energy they reach."""
@@ -58,7 +62,7 @@ def _normals(sketch: Sketch, singular: Float[np.ndarray, "4 2"]) -> Float[np.nda
     return chords @ TURN
 
 
-def tutte(sketch: Sketch) -> tuple[Float[np.ndarray, "4 2"], Float[np.ndarray, " 8"]]:
+def tutte(sketch: Sketch) -> Shape:
     """Return singular points and bows read off Tutte's embedding of a coarse grid graph on the sketch's corners."""
     divisions, layers = 4, 2
     matrix, _ = reference(divisions, layers)
@@ -128,6 +132,8 @@ class _Trial:
     size: Size
     operator: csr_matrix
     options: PlacementOptions
+    shape: Shape | None = None
+    """Singular points and bows to scale; Tutte's if None."""
 
     def state(self, x: np.ndarray, ratio: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return corner edges as `fixed + basis @ controls` and the wanted size at each corner, (q, 4)."""
@@ -145,21 +151,21 @@ class _Trial:
         return float(counts[best]), float(energy[best])
 
     def scaled(self, scale: float) -> Float[np.ndarray, "16"]:
-        """Return Tutte's singular points and bows, scaled about and moved to the place of most cells.
+        """Return the singular points and bows, scaled about and moved to the place of most cells.
 
         That place is the mean of the points weighted by the number of wanted cells around them.
         """
-        singular, bows = self._tutte
+        singular, bows = self.shape or self._tutte
         return np.concatenate([(self._centre + scale * (singular - singular.mean(axis=0))).ravel(), bows])
 
     @cached_property
-    def _tutte(self) -> tuple[Float[np.ndarray, "4 2"], Float[np.ndarray, " 8"]]:
+    def _tutte(self) -> Shape:
         return tutte(self.sketch)
 
     @cached_property
     def _centre(self) -> Float[np.ndarray, "2"]:
         fixed, basis = self.sketch.linear(1.0)
-        corner = (fixed + basis[:, :4] @ self._tutte[0])[self.sketch.quads]
+        corner = (fixed + basis[:, :4] @ (self.shape or self._tutte)[0])[self.sketch.quads]
         diagonals = corner[:, 2:] - corner[:, :2]
         middle = corner.mean(axis=1)
         cells = np.abs(cross(diagonals[:, 0], diagonals[:, 1])) / self.size(middle) ** 2
@@ -169,12 +175,27 @@ class _Trial:
 def start_of(sketch: Sketch, size: Size, layers: int | None, options: PlacementOptions) -> tuple[float, float]:
     """Return the relative size of the core, one of `SCALES`, and the number of layers of least energy together."""
     trial = _Trial(sketch, size, corner_operator(sketch.quads, sketch.n_points), options)
+    scale, k, _ = _best_scale(trial, layers)
+    return scale, k
+
+
+def fitted(sketch: Sketch, size: Size, layers: int | None, options: PlacementOptions, shape: Shape) -> Placement:
+    """Return `shape`, singular points and bows in the units of the sketch, scaled to sizes without a descent."""
+    trial = _Trial(sketch, size, corner_operator(sketch.quads, sketch.n_points), options, shape)
+    scale, k, energy = _best_scale(trial, layers)
+    x = trial.scaled(scale)
+    singular = x[:8].reshape(4, 2)
+    return Placement(singular, x[8:], int(k), thickness_ratio(sketch, singular), energy)
+
+
+def _best_scale(trial: _Trial, layers: int | None) -> tuple[float, float, float]:
+    """Return the size of the core and the number of layers of least energy, and that energy."""
     counts = np.unique(np.geomspace(1, MAX_LAYERS, 20).round()) if layers is None else np.array([float(layers)])
-    best, start = np.inf, (1.0, 1.0)
+    best = (1.0, 1.0, np.inf)
     for scale in SCALES:
         x = trial.scaled(scale)
-        fixed, basis, h = trial.state(x, thickness_ratio(sketch, x[:8].reshape(4, 2)))
-        k, energy = trial.best_layers(fixed + basis @ controls(sketch, x), h, counts)
-        if energy < best:
-            best, start = energy, (scale, k)
-    return start
+        fixed, basis, h = trial.state(x, thickness_ratio(trial.sketch, x[:8].reshape(4, 2)))
+        k, energy = trial.best_layers(fixed + basis @ controls(trial.sketch, x), h, counts)
+        if energy < best[2]:
+            best = scale, k, energy
+    return best
