@@ -4,8 +4,9 @@ import torch
 
 from drl_meshgen.rl import DataSet, samples_of
 from drl_meshgen.rl.boundary import CONTROL_SIGNS, CONTROLS, SAMPLE_SIGNS, SAMPLES, side_samples, square_frame
-from drl_meshgen.rl.corner_value import CornerValue, corner_choices, views
-from drl_meshgen.rl.placer import Placer, Scene
+from drl_meshgen.rl.inference import CornerValues, Placements
+from drl_meshgen.rl.networks import CornerValue, Placer, weights_of
+from drl_meshgen.rl.scene import Scene, corner_choices, views
 from drl_meshgen.templates import Domain, OParameters, instantiate
 
 TURN = np.array([[0.6, 0.8], [-0.8, 0.6]])
@@ -34,8 +35,8 @@ def corner():
 
 def placed(placer, nodes, i0, m):
     rim = side_samples(nodes[None], np.array([[i0 % len(nodes), m]]), 16)
-    scene = Scene.of(rim, np.array([m]), len(nodes), 5)
-    return {name: part[0].detach().numpy() for name, part in scene.placed(placer(scene.seen)).items()}
+    scene = Scene.of(rim, np.array([m]), len(nodes), 5).each(torch.as_tensor)
+    return {name: part[0].detach().numpy() for name, part in scene.placed(placer(scene.seen), torch.tanh).items()}
 
 
 def valued(corner, nodes, four):
@@ -126,3 +127,12 @@ def test_corner_values_turn_mirror_and_renumber_with_the_domain(nodes, corner):
     assert valued(corner, nodes, np.roll(four, 1, axis=1)) == pytest.approx(plain, abs=1e-5)
     mirror = (nodes * MIRROR)[::-1].copy()
     assert valued(corner, mirror, (size - 1 - four)[:, [1, 0, 3, 2]]) == pytest.approx(plain, abs=1e-5)
+
+
+def test_without_pytorch_the_networks_answer_the_same(nodes, corner, placer):
+    weights = weights_of(corner, placer)
+    _, four = corner_choices(len(nodes), 500)
+    assert CornerValues(weights)(views(nodes[None])[0], four) == pytest.approx(valued(corner, nodes, four), abs=1e-5)
+    seen = np.random.default_rng(0).normal(0, 1, (5, 132))
+    there = placer(torch.as_tensor(seen)).detach().numpy()
+    assert Placements(weights)(seen) == pytest.approx(there, abs=1e-5)

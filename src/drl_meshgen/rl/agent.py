@@ -4,16 +4,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import torch
 from jaxtyping import Float, Int
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.rl.boundary import PER_SIDE, side_samples
 from drl_meshgen.rl.controls import parameters_of
-from drl_meshgen.rl.corner_value import CornerValue, corner_choices, views
+from drl_meshgen.rl.inference import CornerValues, Placements
+from drl_meshgen.rl.inference import Weights as NetworkWeights
 from drl_meshgen.rl.kernel import Judged, judge_o
 from drl_meshgen.rl.optimum import OptimizerPolicy
-from drl_meshgen.rl.placer import Placer, Scene
+from drl_meshgen.rl.scene import Scene, corner_choices, views
 from drl_meshgen.templates.domain import Domain, Frame
 from drl_meshgen.templates.o_type import OParameters
 from drl_meshgen.templates.options import PlacementOptions, Size
@@ -72,9 +72,10 @@ class AgentOptions:
 class AgentPolicy:
     """The learned policy; equal domains get equal parameters."""
 
-    def __init__(self, corner: CornerValue, placer: Placer, options: AgentOptions | None = None) -> None:
-        """Take the two networks."""
-        self.corner, self.placer, self.options = corner.eval(), placer.eval(), options or AgentOptions()
+    def __init__(self, weights: NetworkWeights, options: AgentOptions | None = None) -> None:
+        """Take the weights of both networks, by name."""
+        self.value, self.placement = CornerValues(weights), Placements(weights)
+        self.options = options or AgentOptions()
 
     def choose(
         self,
@@ -124,11 +125,10 @@ class AgentPolicy:
     def corners(self, domains: Sequence[Float[np.ndarray, "l 2"]], count: int) -> list[Int[np.ndarray, "t 2"]]:
         """Return the `count` most valuable choices of corners of domains of unit scale, best first."""
         best = []
-        with torch.inference_mode():
-            for nodes in domains:
-                pairs, four = corner_choices(len(nodes), self.options.choices)
-                value = self.corner(torch.as_tensor(views(nodes[None])), torch.as_tensor(four)[None])[0].numpy()
-                best.append(pairs[np.argsort(-value, kind="stable")[:count]])
+        for nodes in domains:
+            pairs, four = corner_choices(len(nodes), self.options.choices)
+            value = self.value(views(nodes[None])[0], four)
+            best.append(pairs[np.argsort(-value, kind="stable")[:count]])
         return best
 
     def proposals(
@@ -139,6 +139,5 @@ class AgentPolicy:
         rim = side_samples(np.ascontiguousarray(nodes)[None], pairs, PER_SIDE)
         corners = np.tile(pairs, (len(layers), 1))
         scene = Scene.of(np.tile(rim, (len(layers), 1, 1)), corners[:, 1], len(nodes), k)
-        with torch.inference_mode():
-            parts = {name: part.numpy() for name, part in scene.placed(self.placer(scene.seen)).items()}
+        parts = scene.placed(self.placement(scene.seen))
         return Proposals(corners, k, parts, judge_o(nodes, corners, k, weights=self.options.weights, **parts))

@@ -18,10 +18,10 @@ from torch import nn
 from drl_meshgen.rl.agent import AgentOptions, AgentPolicy
 from drl_meshgen.rl.boundary import PER_SIDE, side_samples
 from drl_meshgen.rl.controls import SHAPED
-from drl_meshgen.rl.corner_value import CornerValue, corner_choices, views
 from drl_meshgen.rl.domains import resampled
 from drl_meshgen.rl.kernel import judge_o
-from drl_meshgen.rl.placer import Placer, Scene
+from drl_meshgen.rl.networks import CornerValue, Placer, weights_of
+from drl_meshgen.rl.scene import Scene, corner_choices, views
 from drl_meshgen.rl.slope import Worth
 from drl_meshgen.rl.surrogate import Surrogate
 from drl_meshgen.templates.domain import Domain
@@ -140,8 +140,8 @@ class Learner:
         shape, taught = which.shape, (1 + o.soft[0] + o.anyhow[0]) * o.domains
         which, corners, layers = which.ravel(), corners.reshape(-1, 2), layers.ravel()
         rim = side_samples(nodes[which], corners, PER_SIDE)
-        scene = Scene.of(rim, corners[:, 1], size, layers)
-        parts = scene.placed(self.placer(scene.seen))
+        scene = Scene.of(rim, corners[:, 1], size, layers).each(torch.as_tensor)
+        parts = scene.placed(self.placer(scene.seen), torch.tanh)
         coarse_rim = torch.as_tensor(rim[:taught, :: PER_SIDE // divisions])
         points = coarse.points(coarse_rim, **{name: part[:taught] for name, part in parts.items()})
         m = torch.as_tensor(corners[:taught, 1])
@@ -174,7 +174,7 @@ class Learner:
 
     def policy(self, options: AgentOptions | None = None) -> AgentPolicy:
         """Return the policy as it is now."""
-        return AgentPolicy(self.corner, self.placer, options)
+        return AgentPolicy(weights_of(self.corner, self.placer), options)
 
 
 def examine(policy: AgentPolicy, domains: Sequence[Domain]) -> pd.DataFrame:

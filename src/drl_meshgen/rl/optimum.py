@@ -10,8 +10,8 @@ from scipy.optimize import minimize
 from drl_meshgen.errors import InputError
 from drl_meshgen.rl.boundary import side_samples
 from drl_meshgen.rl.controls import PLAIN, SHAPED, parameters_of, parts_of
-from drl_meshgen.rl.corner_value import corner_choices
 from drl_meshgen.rl.kernel import judge_o
+from drl_meshgen.rl.scene import corner_choices
 from drl_meshgen.rl.slope import worth_and_slope
 from drl_meshgen.templates.corners import reference
 from drl_meshgen.templates.curves import SWELLS, WAVES, left_normal

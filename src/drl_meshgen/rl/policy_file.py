@@ -1,60 +1,65 @@
 """Policies as safetensors files: weights by name and a card; nothing in them is ever executed."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
-import torch
+import numpy as np
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save
+from safetensors.numpy import save
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.export.atomic import replacing
 from drl_meshgen.rl.agent import AgentOptions, AgentPolicy
-from drl_meshgen.rl.corner_value import CornerValue
-from drl_meshgen.rl.placer import Placer
+from drl_meshgen.rl.controls import PLAIN, SHAPED
+from drl_meshgen.rl.inference import Weights
+from drl_meshgen.rl.scene import SEEN, VIEWED
 
 FORMAT: Final = "drl-meshgen policy"
 VERSION: Final = 1
 SHIPPED: Final = Path(__file__).parent / "policies" / "agent.safetensors"
 
 
-def weights_of(corner: CornerValue, placer: Placer) -> dict[str, torch.Tensor]:
-    """Return the weights of both networks by name."""
-    parts = {"corner": corner.state_dict(), "placer": placer.state_dict()}
-    return {f"{part}.{name}": value.contiguous() for part, state in parts.items() for name, value in state.items()}
-
-
-def write_policy(path: Path | str, corner: CornerValue, placer: Placer, card: Mapping[str, Any]) -> None:
-    """Write both networks and what there is to say about them; same weights and card, same bytes."""
-    sizes = {"corner_width": corner.width, "width": placer.width, "answered": placer.answered}
-    told = {"format": FORMAT, "version": VERSION, **sizes, **card}
+def write_policy(path: Path | str, weights: Weights, card: Mapping[str, Any]) -> None:
+    """Write the weights of both networks and what there is to say of them; same weights and card, same bytes."""
+    told = {"format": FORMAT, "version": VERSION, **card}
     # one key, because the order of several is not fixed
-    data = save(weights_of(corner, placer), {"card": json.dumps(told, sort_keys=True)})
+    data = save(dict(weights), {"card": json.dumps(told, sort_keys=True)})
     with replacing(path) as part:
-        Path(part).write_bytes(data)
+        part.write_bytes(data)
 
 
 def read_policy(path: Path | str, options: AgentOptions | None = None) -> AgentPolicy:
     """Return the policy of a file; raises `InputError` for one that is damaged, foreign, or of another version."""
-    weights, card = _read(Path(path))
-    name = Path(path).name
-    try:
-        corner = CornerValue(int(card["corner_width"]))
-        placer = Placer(int(card["width"]), answered=int(card["answered"]))
-    except (KeyError, TypeError, ValueError):
-        raise InputError(name, "is a policy file without its size", "take a file written by training") from None
-    expected = {key: tuple(value.shape) for key, value in weights_of(corner, placer).items()}
-    found = {key: tuple(value.shape) for key, value in weights.items()}
-    for key in sorted(expected.keys() | found.keys()):
-        if expected.get(key) != found.get(key):
-            what = f"weight {key} has shape {found.get(key, 'none')}, not {expected.get(key, 'none')}"
-            raise InputError(name, what, "take a file written by this version")
-    for part, network in (("corner.", corner), ("placer.", placer)):
-        network.load_state_dict({key.removeprefix(part): v for key, v in weights.items() if key.startswith(part)})
-    return AgentPolicy(corner, placer, options)
+    weights, _ = _read(Path(path))
+    for name, shape in _shapes(weights).items():
+        found = weights[name].shape if name in weights else "none"
+        if found != shape or weights[name].dtype != np.float32:
+            what = f"weight {name} has shape {found}, not {shape}, or another type"
+            raise InputError(Path(path).name, what, "take a file written by this version")
+    return AgentPolicy(weights, options)
+
+
+def _shapes(weights: Weights) -> dict[str, tuple[int, ...]]:
+    """Return the weights that there must be, with their shapes, in a policy with hidden layers as wide as these."""
+    shapes: dict[str, tuple[int, ...]] = {}
+
+    def perceptron(prefix: str, sizes: Sequence[int]) -> None:
+        for i, (a, b) in enumerate(pairwise(sizes)):
+            shapes.update({f"{prefix}.{2 * i}.weight": (b, a), f"{prefix}.{2 * i}.bias": (b,)})
+
+    def width(name: str) -> int:
+        return len(weights[name]) if name in weights and weights[name].ndim else 1
+
+    node, last = width("corner.node.0.bias"), width("corner.node.4.bias")
+    perceptron("corner.node", (VIEWED, node, node, max(3, last // 3 * 3)))
+    perceptron("corner.choice", (2 * (last // 3) + 2, width("corner.choice.0.bias"), 1))
+    hidden, answered = width("placer.body.0.bias"), width("placer.body.6.bias")
+    perceptron("placer.body", (SEEN, hidden, hidden, hidden, PLAIN if answered == PLAIN else SHAPED))
+    return shapes
 
 
 def read_card(path: Path | str) -> dict[str, Any]:
@@ -68,11 +73,11 @@ def shipped_policy() -> AgentPolicy:
     return read_policy(SHIPPED)
 
 
-def _read(path: Path) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
+def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     if not path.is_file():
         raise InputError(path.name, "no such policy file", "give the path of a .safetensors file")
     try:
-        with safe_open(path, framework="pt") as file:
+        with safe_open(path, framework="numpy") as file:
             card = json.loads((file.metadata() or {}).get("card", "{}"))
             weights = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 - it is no mapping
     except (SafetensorError, ValueError) as error:

@@ -21,7 +21,8 @@ from drl_meshgen.export import read_table, write_table
 from drl_meshgen.export.atomic import replacing
 from drl_meshgen.rl.datasets import DataSet, Sample, read_samples, samples_of, write_samples
 from drl_meshgen.rl.learning import Bank, Learner, LearnOptions, examine
-from drl_meshgen.rl.policy_file import weights_of, write_policy
+from drl_meshgen.rl.networks import load, weights_of
+from drl_meshgen.rl.policy_file import write_policy
 from drl_meshgen.templates.domain import Domain
 
 EXAMINED = 60
@@ -46,7 +47,7 @@ def drawn(path: Path, sets: Sequence[DataSet], count: int) -> dict[str, list[Dom
 
 def write_checkpoint(path: Path, learner: Learner) -> None:
     """Write weights, the optimisers' moments and the step."""
-    tensors = weights_of(learner.corner, learner.placer)
+    tensors = {key: torch.as_tensor(value) for key, value in weights_of(learner.corner, learner.placer).items()}
     for i, optimiser in enumerate(learner.optimisers):
         for key, moments in optimiser.state_dict()["state"].items():
             tensors |= {f"adam.{i}.{key}.{name}": value.contiguous() for name, value in moments.items()}
@@ -62,8 +63,7 @@ def read_checkpoint(path: Path, learner: Learner) -> None:
     here = weights_of(learner.corner, learner.placer)
     if any(key not in tensors or tensors[key].shape != value.shape for key, value in here.items()):
         raise InputError(path.name, "is a checkpoint of other networks", "give another folder, or delete it")
-    for part, network in (("corner.", learner.corner), ("placer.", learner.placer)):
-        network.load_state_dict({k.removeprefix(part): v for k, v in tensors.items() if k.startswith(part)})
+    load(learner.corner, learner.placer, {key: tensors[key].numpy() for key in here})
     for i, optimiser in enumerate(learner.optimisers):
         state: dict[int, dict[str, torch.Tensor]] = {}
         for key in (key for key in tensors if key.startswith(f"adam.{i}.")):
@@ -133,7 +133,7 @@ def train(
             last = {key: value for key, value in rows[-1].items() if key.startswith("validation")}
             name = "early" if learner.step == int(EARLY * steps) else "agent"
             card = card_of(learner, len(training[DataSet.TRAIN.key]), last)
-            write_policy(out / f"{name}.safetensors", learner.corner, learner.placer, card)
+            write_policy(out / f"{name}.safetensors", weights_of(learner.corner, learner.placer), card)
             typer.echo(f"step {learner.step}: " + json.dumps(card["validation"]))
     typer.echo(out / "agent.safetensors")
 
