@@ -228,6 +228,35 @@ def check(
     _run(command, debug=debug)
 
 
+@app.command(epilog=EXIT_CODES)
+def fill(
+    domain: Annotated[
+        Path,
+        typer.Argument(metavar="DOMAIN", help="Boundary points in order: CSV or Parquet with x and y, VTP or VTU."),
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", file_okay=False, help="Folder of the results.")],
+    *,
+    policy: Annotated[str, typer.Option(metavar="NAME", help="Who chooses the parameters of the template.")] = "rule",
+    layers: Annotated[
+        int | None, typer.Option(metavar="K", min=1, help="Layers of quads around the core.  [default: chosen]")
+    ] = None,
+    no_pictures: Annotated[bool, typer.Option("--no-pictures", help="Write no PNG file.")] = False,
+    debug: Debug = False,
+) -> None:
+    """Mesh one plane domain by an O-type template.
+
+    The points are a closed simple polygon, an even number of them, at least 12; they become the boundary nodes. Writes
+    mesh.vtu, parameters.parquet, quality.parquet and mesh.png to DIR and prints the metrics of the mesh.
+    """
+
+    def command() -> int:
+        from drl_meshgen.commands.filling import fill as run
+
+        return run(domain, out, policy, layers, pictures=not no_pictures)
+
+    _run(command, debug=debug)
+
+
 def _check_sizes(inputs: list[str], quads: int | None, edge: float | None, layout: Path | None) -> None:
     if quads is not None and edge is not None:
         raise typer.BadParameter("give --target-quads or --target-edge, not both")

@@ -6,6 +6,7 @@ import shlex
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 import typer
@@ -20,6 +21,8 @@ from drl_meshgen.commands.settings import read_settings
 from drl_meshgen.models import MODELS
 from drl_meshgen.pipeline import COMPARED_STAGES
 from drl_meshgen.quality import measure
+from drl_meshgen.rl.plane_metrics import plane_metrics
+from drl_meshgen.templates import Domain
 from flows.mesh import main as flow_main
 from tests.standins import hemisphere, hemisphere_ogrid
 
@@ -127,7 +130,7 @@ def test_every_command_of_the_pages_parses(words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "settings.toml").touch()
     (tmp_path / "layout.toml").touch()
-    if len(words) > 2 and words[1] in ("mesh", "layout", "check"):
+    if len(words) > 2 and words[1] in ("mesh", "layout", "check", "fill"):
         context = parser(words[1]).make_context(words[1], words[2:])
         assert context.params
 
@@ -139,7 +142,10 @@ def test_every_command_of_the_flow_parses(words):
 
 def test_every_option_of_the_readme_exists():
     known = {
-        o for command in (*map(parser, ("mesh", "layout", "check")), flow()) for p in command.params for o in options(p)
+        o
+        for command in (*map(parser, ("mesh", "layout", "check", "fill")), flow())
+        for p in command.params
+        for o in options(p)
     }
     foreign = {"--type", "--all", "--pool", "--build"}  # of Prefect and Docker
     assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", README)) - known - foreign == set()
@@ -161,7 +167,8 @@ def test_the_page_of_metrics_defines_every_metric():
     metrics = measure(mesh.mesh, hemisphere(), mesh.block).metrics
     page = (ROOT / "docs/metrics.md").read_text("utf-8")
     cells = {name for row in re.findall(r"^\|([^|]*)\|", page, re.MULTILINE) for name in re.findall(r"`(\w+)`", row)}
-    assert cells == set(metrics)
+    square = Domain([[0, 0], [1, 0], [2, 0], [2, 1], [2, 2], [1, 2], [0, 2], [0, 1]])
+    assert cells == set(metrics) | set(plane_metrics(square, square.nodes, np.array([[0, 2, 4, 6]])))
 
 
 def test_the_page_of_files_has_every_stage_and_every_file():

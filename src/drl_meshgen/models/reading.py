@@ -51,7 +51,7 @@ def read_surface(path: Path) -> RawSurface:
         if suffix == ".stl":
             _check_stl_length(name, data)
         more = _ply_arrays(name, data) if suffix == ".ply" else {}
-        raw = _surface_of(path.stem, _read_vtk(name, path), more)
+        raw = _surface_of(path.stem, read_vtk(name, path), more)
     _check_arrays(name, raw.points, raw.triangles)
     return raw
 
@@ -91,7 +91,7 @@ def _ply_arrays(name: str, data: bytes) -> dict[str, np.ndarray]:
         raise InputError(name, "damaged or truncated PLY file", EXPORT_AGAIN) from None
 
 
-def _read_vtk(name: str, path: Path) -> "pv.DataSet":
+def read_vtk(name: str, path: Path) -> "pv.DataSet":
     """Read through VTK with its messages caught."""
     import pyvista as pv
 

@@ -49,7 +49,11 @@ def _neighbour_ratio(mesh: QuadMesh, size: Float[np.ndarray, " m"]) -> float:
     return float((both.max(axis=1) / np.maximum(both.min(axis=1), np.finfo(float).tiny)).max())
 
 
-def _line_smoothness(mesh: QuadMesh) -> tuple[float, float]:
+def line_smoothness(mesh: QuadMesh) -> tuple[float, float]:
+    """Return the means of shorter / longer and of longer / shorter over consecutive interior edges of mesh lines.
+
+    NaN where no mesh line has two. Manifold, oriented meshes only.
+    """
     t = mesh.topology
     pair = straight_pairs(mesh)
     pair = pair[(t.edge_count[pair] > 1).all(axis=1)]
@@ -94,7 +98,7 @@ def measure(
     if invalid:
         defects.append(f"{invalid} {'quad' if invalid == 1 else 'quads'} with a Jacobian that is not positive")
     manifold = not (t.edge_count > 2).any() and not len(t.misoriented_edges)
-    smoothness, edge_ratio = _line_smoothness(mesh) if manifold else (np.nan, np.nan)
+    smoothness, edge_ratio = line_smoothness(mesh) if manifold else (np.nan, np.nan)
     metrics = {
         "quads": len(mesh.quads),
         "nodes": outline.used.sum(),

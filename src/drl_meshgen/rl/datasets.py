@@ -14,6 +14,7 @@ from drl_meshgen.templates.domain import Domain
 
 COUNTS = (80, 120)
 """Fewest and most boundary nodes: 100, varied by 20 %."""
+_COLUMNS = ("set", "index", "family", "source", "count", "corners", "x", "y")
 
 
 class DataSet(Enum):
@@ -41,7 +42,19 @@ class Sample:
     family: str
     """Kind of curve."""
     domain: Domain
-    """Evenly spaced nodes; area of the unit disk, centred."""
+    """Evenly spaced nodes; area of the unit disk, centred. Of harvested domains: as the pipeline gave it."""
+    source: str = ""
+    """Where a harvested domain comes from."""
+    corners: tuple[int, ...] = ()
+    """Nodes of the four corners, anti-clockwise, where they are given; node counts of the sides follow."""
+
+    @property
+    def is_o_type(self) -> bool:
+        """Whether the O-type template fills it: no corners are given, or opposite sides have the same counts."""
+        if not self.corners:
+            return len(self.domain) % 2 == 0
+        a, b, c, d = np.diff([*self.corners, self.corners[0] + len(self.domain)]).tolist()
+        return (a, b) == (c, d)
 
 
 def samples_of(data: DataSet, indices: Iterable[int] | None = None) -> Iterator[Sample]:
@@ -54,25 +67,33 @@ def samples_of(data: DataSet, indices: Iterable[int] | None = None) -> Iterator[
 
 
 def write_samples(path: Path | str, samples: Sequence[Sample]) -> None:
-    """Write domains as a Parquet table: set, index, family, count, and coordinates `x` and `y` as lists."""
+    """Write domains as a Parquet table, coordinates `x` and `y` and `corners` as lists."""
     rows = [
         {
             "set": one.set,
             "index": one.index,
             "family": one.family,
+            "source": one.source,
             "count": len(one.domain),
+            "corners": list(one.corners),
             "x": one.domain.nodes[:, 0],
             "y": one.domain.nodes[:, 1],
         }
         for one in samples
     ]
-    write_table(path, pd.DataFrame(rows, columns=["set", "index", "family", "count", "x", "y"]))
+    write_table(path, pd.DataFrame(rows, columns=list(_COLUMNS)))
 
 
 def read_samples(path: Path | str) -> list[Sample]:
-    """Read what `write_samples` wrote; raises `InputError` for a domain that is none."""
+    """Read what `write_samples` wrote; raises `InputError` for a domain that is none.
+
+    Tables of drawn domains may lack `source` and `corners`.
+    """
     table = read_table(path)
+    if "source" not in table:
+        table = table.assign(source="", corners=[np.zeros(0, np.int64)] * len(table))
+    keys = ("set", "index", "family", "x", "y", "source", "corners")
     return [
-        Sample(name, int(index), family, Domain(np.stack([x, y], axis=1)))
-        for name, index, family, x, y in zip(*(table[key] for key in ("set", "index", "family", "x", "y")), strict=True)
+        Sample(name, int(index), family, Domain(np.stack([x, y], axis=1)), source, tuple(corners.tolist()))
+        for name, index, family, x, y, source, corners in zip(*(table[key] for key in keys), strict=True)
     ]
