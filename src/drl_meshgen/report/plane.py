@@ -30,9 +30,9 @@ def new_figure(width: float, height: float) -> "Figure":
 
 def write_figure(path: Path | str, figure: "Figure", dpi: int = 150) -> None:
     """Write a figure in the format of the suffix; same figure, same bytes."""
-    more = {"metadata": {"Software": None}} if Path(path).suffix == ".png" else {}
+    metadata = {"Software": None} if Path(path).suffix == ".png" else None
     with replacing(path) as part:
-        figure.savefig(part, dpi=dpi, facecolor="white", **more)
+        figure.savefig(part, dpi=dpi, facecolor="white", metadata=metadata)
 
 
 def show_quads(
@@ -59,8 +59,8 @@ def show_quads(
     elif grids:
         block = np.repeat(np.arange(len(grids)), [(g.shape[0] - 1) * (g.shape[1] - 1) for g in grids])
         fills = [palette.PASTELS[b % len(palette.PASTELS)] for b in block.tolist()]
-    folded = ~(jacobians(points, quads) > 0).all(axis=-1)
-    fills = [palette.WORST if bad else fill for bad, fill in zip(folded.tolist(), fills, strict=True)]
+    for bad in np.nonzero((jacobians(points, quads) <= 0).any(axis=-1))[0].tolist():
+        fills[bad] = palette.WORST
     axes.add_collection(PolyCollection(list(corner), facecolors=fills, edgecolors=palette.LINE, linewidths=0.35))
     sides = [np.asarray(points)[side] for grid in grids for side in block_sides(grid)]
     axes.add_collection(LineCollection(sides, colors=palette.INK, linewidths=1.0, capstyle="round"))

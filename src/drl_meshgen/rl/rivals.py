@@ -16,9 +16,9 @@ from scipy.optimize import minimize
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.rl.controls import PLAIN, parameters_of
-from drl_meshgen.rl.corner_value import corner_choices
 from drl_meshgen.rl.kernel import Judged, judge_o
 from drl_meshgen.rl.optimum import tutte_points
+from drl_meshgen.rl.scene import corner_choices
 from drl_meshgen.templates.domain import Domain
 from drl_meshgen.templates.o_type import EDGES, OParameters
 from drl_meshgen.templates.options import Size
