@@ -1,6 +1,9 @@
+import runpy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import safetensors.torch
 import torch
@@ -8,7 +11,7 @@ import torch
 pytest.importorskip("gymnasium")
 
 from drl_meshgen.errors import InputError
-from drl_meshgen.export import read_table
+from drl_meshgen.export import read_table, write_table
 from drl_meshgen.rl import DataSet, samples_of
 from drl_meshgen.rl.environment import STEPS, EnvironmentOptions
 from drl_meshgen.rl.judge_value import main as judge
@@ -222,3 +225,10 @@ def test_judging_writes_a_row_per_policy_and_domain_and_the_times_apart(tmp_path
     found = table[(table["policy"] == "b") & (table["set"] == "test-hard")].iloc[1]
     assert found["reward"] == pytest.approx(float(reward(np.array(mesh.points), np.array(mesh.quads))))
     assert found["valid"] == mesh.valid
+
+
+def test_the_gallery_draws_learning_curves(tmp_path):
+    point = {"steps": 1000, "mean_return": 0.1, "valid": 0.5}
+    write_table(tmp_path / "curve-ppo.parquet", pd.DataFrame([point, point | {"steps": 2000}]))
+    draw = runpy.run_path(str(Path(__file__).parents[2] / "docs/gallery/learning_curves.py"))["main"]
+    assert draw([str(tmp_path)]).stat().st_size > 1000

@@ -66,9 +66,7 @@ class DQNOptions:
     """How much weights make up for that at first, and environment steps until they do so fully."""
 
 
-RAINBOW = DQNOptions(
-    learning_rate=5e-4, weight_decay=0.0, discount=1.0, decay=0.9995, epsilon=(1.0, 0.02), horizon=14, alpha=0.5
-)
+RAINBOW = DQNOptions(learning_rate=5e-4, weight_decay=0.0, discount=1.0, epsilon=(1.0, 0.02), horizon=14, alpha=0.5)
 """What is in of Rainbow: double, dueling (an option of the network), priorities, returns over n steps, here to the end
 of the episode. Not in: noisy layers, distributions of values. As episodes are never longer than the horizon, the target
 network is idle."""
