@@ -14,7 +14,7 @@ export OMP_NUM_THREADS ?= 2
 export OPENBLAS_NUM_THREADS ?= 2
 export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 
-.PHONY: setup libraries demo test lint bench extra-bench robustness bench-quality train-value judge-value clean
+.PHONY: setup libraries demo test lint bench extra-bench robustness bench-quality rl-harvest rl-baselines rl-tables train-value judge-value clean
 
 setup: $(STAMP)
 
@@ -76,6 +76,20 @@ train-value: setup
 judge-value: setup
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m drl_meshgen.rl.judge_value \
 		$(foreach name,dqn rainbow ppo,docs/benchmarks/rl/$(name).safetensors) --out docs/benchmarks/rl
+
+# Domains that the pipeline hands to templates, from every surface; ten minutes.
+rl-harvest: setup
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m drl_meshgen.benchmarks.harvest --models $(MODELS) \
+		--out docs/benchmarks/rl
+
+# Long searches on the test sets, half an hour on two cores; interrupted, the next call goes on. Then the tables of every
+# method, under a quarter of an hour.
+rl-baselines: setup
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m drl_meshgen.benchmarks.templates --resume
+
+rl-tables: setup
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m drl_meshgen.benchmarks.rl_tables \
+		--out docs/benchmarks/rl --report reports/generated/rl
 
 clean:
 	rm -rf build dist out reports/generated .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -16,6 +16,7 @@ import typer
 from drl_meshgen.benchmarks.pool import PoolOptions, run_jobs
 from drl_meshgen.benchmarks.record import Record, Row
 from drl_meshgen.benchmarks.tables import write_both
+from drl_meshgen.errors import InputError
 from drl_meshgen.rl.datasets import DataSet, Sample, read_samples, samples_of
 from drl_meshgen.rl.plane_metrics import plane_metrics
 from drl_meshgen.rl.rivals import EvolutionPolicy, GeneticPolicy, SqpPolicy
@@ -56,18 +57,27 @@ def domains_of(folder: Path, names: Sequence[str], limit: int | None = None) -> 
     return samples
 
 
+def domain_named(name: str, index: int) -> Sample:
+    """Return a domain of a drawn set by the set's name; raises `InputError` for a name that is none."""
+    found = [data for data in DataSet if data.key == name]
+    if not found:
+        raise InputError("set of domains", f"{name!r} is not known", f"take one of {', '.join(d.key for d in DataSet)}")
+    return next(samples_of(found[0], [index]))
+
+
 def parameter_row(parameters: OParameters) -> Row:
     """Return the parameters of the paper's O-type template as columns; waves, swells and grading are left out."""
     p = parameters
     lists = {"singular": p.singular.ravel().tolist(), "bulges": p.bulges.ravel().tolist()}
-    return {"i0": p.i0, "m": p.m, "layers": p.layers} | lists
+    return {"i0": p.i0, "m": p.m, "n": p.n, "layers": p.layers} | lists
 
 
 def parameters_in(row: Row) -> OParameters:
-    """Return the parameters of a row."""
-    singular, bulges = (np.array(row[key], float).reshape(-1, 2) for key in ("singular", "bulges"))
-    half = int(row["half"])
-    return OParameters(int(row["i0"]), int(row["m"]), half - int(row["m"]), int(row["layers"]), singular, bulges)
+    """Return the parameters of a row; columns `waves`, `swells` and `grading` count where there are any."""
+    shapes = {"singular": (4, 2), "bulges": (8, 2), "waves": (8, 2, 2), "swells": (4, 3, 2)}
+    arrays = {key: np.array(row[key], float).reshape(shape) for key, shape in shapes.items() if key in row}
+    i0, m, n, layers = (int(row[key]) for key in ("i0", "m", "n", "layers"))
+    return OParameters(i0, m, n, layers, **arrays, grading=float(row.get("grading", 1.0)))
 
 
 def searched(search: Search) -> Row:
@@ -77,7 +87,7 @@ def searched(search: Search) -> Row:
     parameters = SEARCHES[search.method].choose(domain)
     seconds = time.process_time() - begin
     mesh = instantiate(domain, parameters)
-    head = {"set": search.sample.set, "index": search.sample.index, "method": search.method, "half": len(domain) // 2}
+    head = {"set": search.sample.set, "index": search.sample.index, "method": search.method}
     figures = plane_metrics(domain, np.array(mesh.points), np.array(mesh.quads))
     return head | parameter_row(parameters) | figures | {"seconds": seconds}
 
