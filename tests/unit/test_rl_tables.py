@@ -73,6 +73,9 @@ def test_searches_resume_and_tables_figures_and_page_follow(tmp_path, monkeypatc
     monkeypatch.setattr("drl_meshgen.benchmarks.rl_tables.run_jobs", in_this_process)
     page = tmp_path / "page"
     assert make_tables([*common, "--methods", "rule", GMSH[1], "--report", str(page)]) == 0
+    before = read_table(tmp_path / "judged.parquet")
+    assert make_tables([*common, "--methods", "rule"]) == 0  # rows of others stay
+    pd.testing.assert_frame_equal(read_table(tmp_path / "judged.parquet"), before)
     text = (tmp_path / "tables.md").read_text("utf-8")
     assert "| test-standard | SQP | 2 |" in text
     assert "0.87 ± 0.08" in text  # the paper's

@@ -244,13 +244,22 @@ def _timed(folder: Path, name: str, times: str) -> list[Row]:
 
 
 def judge(folder: Path, samples: Sequence[Sample], methods: Sequence[str], options: PoolOptions) -> None:
-    """Judge every quick method on every domain and write `judged.{parquet,csv}`, times apart."""
-    rows: list = [[] for _ in samples]
+    """Judge these methods on these domains and write `judged.{parquet,csv}`, times apart.
+
+    Rows there of other methods, or of other sets, stay.
+    """
+    anew = {(sample.set, method) for sample in samples for method in methods}
+    rows: list[Row] = []
+    if (folder / "judged.parquet").is_file():
+        rows = [row for row in _timed(folder, "judged", "judged-ms") if (row["set"], row["method"]) not in anew]
     for n, ended in enumerate(run_jobs(partial(judged, folder=folder, methods=methods), samples, options), 1):
-        rows[ended.index] = ended.result or []
+        rows += ended.result or []
         if n % 10 == 0 or ended.cause:
-            typer.echo(f"[{n}/{len(samples)}] {samples[ended.index].set} {samples[ended.index].index} {ended.cause}")
-    table = pd.DataFrame([row for found in rows for row in found])
+            sample = samples[ended.index]
+            typer.echo(f"[{n}/{len(samples)}] {sample.set} {sample.index} {ended.cause}")
+    sets, order = [*(data.key for data in SETS), PIPELINE], [*POLICIES, *LEARNERS, *GMSH]
+    rows.sort(key=lambda row: (sets.index(row["set"]), row["index"], order.index(row["method"])))
+    table = pd.DataFrame(rows)
     write_both(folder / "judged", table.drop(columns="ms"))
     write_both(folder / "judged-ms", table.reindex(columns=[*HEAD, "ms"]).round({"ms": 2}))
 
@@ -272,12 +281,14 @@ def main(arguments: list[str] | None = None) -> int:
     keys = [data.key for data in SETS] + [PIPELINE]
     names = [*POLICIES, *LEARNERS, *GMSH]
     parser.add_argument("--sets", nargs="+", choices=keys, default=keys)
-    parser.add_argument("--methods", nargs="+", choices=names, default=names, metavar="NAME")
+    parser.add_argument(
+        "--methods", nargs="+", choices=names, default=names, metavar="NAME", help="rows of others stay"
+    )
     parser.add_argument("--limit", type=int, metavar="N", help="only the first N domains of each set")
     parser.add_argument("--out", type=Path, default=Path("docs/benchmarks/rl"), help="folder of data and tables")
     parser.add_argument("--report", type=Path, metavar="DIR", help="folder of the page")
     parser.add_argument("--workers", type=int, default=PoolOptions.workers, metavar="N", help="processes; 0: cores")
-    parser.add_argument("--drawn-only", action="store_true", help="judge nothing, draw what is in the folder")
+    parser.add_argument("--drawn-only", action="store_true", help="judge nothing, use the rows there")
     given = parser.parse_args(arguments)
     if not given.drawn_only:
         samples = domains_of(given.out, given.sets, given.limit)
