@@ -57,6 +57,12 @@ MaxIrregular = Annotated[
     int | None, typer.Option(metavar="N", min=1, help="Coarsen the layout until it has at most N irregular nodes.")
 ]
 Fast = Annotated[bool, typer.Option("--fast", help="Half the time, somewhat worse quads.")]
+PolicyName = Annotated[
+    str | None,
+    typer.Option(
+        "--policy", metavar="NAME", help="Who places templates: agent, rule, optimizer or a file.  [default: rule]"
+    ),
+]
 Remesh = Annotated[bool, typer.Option("--remesh", help="Remesh the input isotropically first.")]
 FeatureAngle = Annotated[
     float | None,
@@ -100,6 +106,7 @@ def mesh(
     max_irregular: MaxIrregular = None,
     feature_angle: FeatureAngle = None,
     fast: Fast = False,
+    policy: PolicyName = None,
     remesh: Remesh = False,
     compare: Annotated[
         bool, typer.Option("--compare", help="Run Gmsh's methods on the same surfaces too; takes minutes.")
@@ -133,6 +140,7 @@ def mesh(
             irregular=max_irregular,
             feature_angle=feature_angle,
             fast=fast,
+            policy=policy,
             remesh=remesh,
             strict=strict,
         )
@@ -236,7 +244,7 @@ def fill(
     ],
     out: Annotated[Path, typer.Option(metavar="DIR", file_okay=False, help="Folder of the results.")],
     *,
-    policy: Annotated[str, typer.Option(metavar="NAME", help="Who chooses the parameters of the template.")] = "rule",
+    policy: PolicyName = None,
     layers: Annotated[
         int | None, typer.Option(metavar="K", min=1, help="Layers of quads around the core.  [default: chosen]")
     ] = None,

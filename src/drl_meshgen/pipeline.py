@@ -14,7 +14,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from drl_meshgen import codecs
-from drl_meshgen.assembly import AssemblyOptions, LimitOptions, assemble, fill, within
+from drl_meshgen.assembly import AssemblyOptions, LimitOptions, SubdomainOptions, assemble, fill, within
 from drl_meshgen.baselines import Comparison, RivalOptions, compare
 from drl_meshgen.choice import choose
 from drl_meshgen.cleanup import CleanupOptions, CleanupResult, clean
@@ -26,6 +26,7 @@ from drl_meshgen.models import RawSurface, existing_file, is_generated, load
 from drl_meshgen.partition import PartitionOptions, partition
 from drl_meshgen.quality import Quality, measure
 from drl_meshgen.ricci import RicciOptions, solve
+from drl_meshgen.rl.policies import policy_identity, policy_named
 from drl_meshgen.seams import OpenedSurface, SeamOptions, open_surface
 from drl_meshgen.sizing import SizeOptions, size_field
 from drl_meshgen.smoothing import SmoothingOptions, optimise_along
@@ -59,6 +60,7 @@ class MeshOptions:
     partition: PartitionOptions = field(default_factory=PartitionOptions)
     sizing: SizeOptions = field(default_factory=SizeOptions)
     decompose: DecomposeOptions = field(default_factory=DecomposeOptions)
+    subdomain: SubdomainOptions = field(default_factory=SubdomainOptions)
     assembly: AssemblyOptions = field(default_factory=AssemblyOptions)
     smoothing: SmoothingOptions = field(default_factory=SmoothingOptions)
     comparison: RivalOptions = field(default_factory=RivalOptions)
@@ -95,6 +97,7 @@ class MeshOptions:
             ),
             "sizing": self.sizing,
             "decompose": self.decompose,
+            "subdomain": self.subdomain,
             "assembly": self.assembly,
             "smoothing": replace(self.smoothing, zones=self.decompose.zones),
         }
@@ -168,10 +171,15 @@ def _decompose(inputs: Mapping[str, Any], options: DecomposeOptions) -> Any:
     return choose(inputs["partition"], inputs["sizing"], options)
 
 
-def _subdomain(inputs: Mapping[str, Any], _options: NoOptions) -> Any:
-    """Place the nodes of every piece in its chart; caps by the O-type template."""
+def _subdomain(inputs: Mapping[str, Any], options: SubdomainOptions) -> Any:
+    """Place the nodes of every piece in its chart; caps by the O-type template, with parameters from a policy."""
     layout: Layout = inputs["decompose"]
-    return fill(inputs["partition"], layout, sizes=inputs["sizing"].at(layout.spacing))
+    policy = policy_named(options.policy)
+    return fill(inputs["partition"], layout, policy, inputs["sizing"].at(layout.spacing))
+
+
+def _policy_identity(options: SubdomainOptions) -> object:
+    return {"policy": policy_identity(options.policy)}
 
 
 def _assembly(inputs: Mapping[str, Any], options: AssemblyOptions) -> Any:
@@ -235,7 +243,14 @@ STAGES: tuple[Stage[Any, Any], ...] = (
     _stage(_sizing, ("cleanup", "seams"), ("drl_meshgen.sizing",), codecs.SIZING, SizeOptions),
     _stage(_partition, ("seams", "ricci", "sizing"), ("drl_meshgen.partition",), codecs.PARTITION, PartitionOptions),
     _stage(_decompose, ("partition", "sizing"), ("drl_meshgen.choice",), codecs.LAYOUT, DecomposeOptions),
-    _stage(_subdomain, ("partition", "sizing", "decompose"), ("drl_meshgen.assembly",), codecs.SUBDOMAINS),
+    _stage(
+        _subdomain,
+        ("partition", "sizing", "decompose"),
+        ("drl_meshgen.assembly", "drl_meshgen.rl.policies"),
+        codecs.SUBDOMAINS,
+        SubdomainOptions,
+        identity=_policy_identity,
+    ),
     _stage(_assembly, ("decompose", "subdomain"), ("drl_meshgen.assembly",), codecs.ASSEMBLY, AssemblyOptions),
     _stage(_lift, ("cleanup", "decompose", "assembly"), ("drl_meshgen.lift",), codecs.LIFTED),
     _stage(

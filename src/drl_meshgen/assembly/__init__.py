@@ -2,7 +2,7 @@
 
 from drl_meshgen.assembly.assemble import Assembly, AssemblyOptions, assemble
 from drl_meshgen.assembly.limits import LimitOptions, within
-from drl_meshgen.assembly.subdomains import CapFill, RingFill, StripFill, Subdomains, fill
+from drl_meshgen.assembly.subdomains import CapFill, RingFill, StripFill, SubdomainOptions, Subdomains, fill
 from drl_meshgen.assembly.transition import TransitionFill
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "LimitOptions",
     "RingFill",
     "StripFill",
+    "SubdomainOptions",
     "Subdomains",
     "TransitionFill",
     "assemble",

@@ -22,6 +22,14 @@ from drl_meshgen.templates.placement import Size
 HEIGHT_SLOTS = 32
 
 
+@dataclass(frozen=True)
+class SubdomainOptions:
+    """How templates are placed."""
+
+    policy: str = "rule"
+    """Who chooses the parameters of templates: agent (learned), rule, optimizer, or the path of a .safetensors file."""
+
+
 @dataclass(frozen=True, eq=False)
 class RingFill:
     """Chart coordinates `(theta, h)` of the nodes of a ring, shape `(rows + 1, n, 2)`; row 0 lies on its first curve.

@@ -6,31 +6,30 @@ import numpy as np
 import pandas as pd
 import typer
 
+from drl_meshgen.assembly import SubdomainOptions
 from drl_meshgen.commands.outline import read_outline
 from drl_meshgen.commands.output import complete
-from drl_meshgen.errors import InputError
 from drl_meshgen.export import write_mesh, write_table
 from drl_meshgen.quality import gate, measure
 from drl_meshgen.rl.plane_metrics import plane_metrics
-from drl_meshgen.templates import Domain, FilledCap, Outcome, Policy, RulePolicy, fill_cap
+from drl_meshgen.rl.policies import policy_named
+from drl_meshgen.templates import Domain, FilledCap, Outcome, fill_cap
 
-POLICIES: dict[str, Policy] = {"rule": RulePolicy()}
-"""Policies by the names that users know them by."""
 FINE, BELOW_GATE = 0, 4
 
 
-def fill(boundary: Path, out: Path, policy: str, layers: int | None, *, pictures: bool = True) -> int:
+def fill(boundary: Path, out: Path, policy: str | None, layers: int | None, *, pictures: bool = True) -> int:
     """Fill the polygon of a file by an O-type mesh; write it to a folder and print what it is like.
 
     Returns the exit code: 4 below the quality gate, else 0. Raises `InputError` for a boundary that cannot be filled
     and for a policy that is not known.
     """
-    if policy not in POLICIES:
-        raise InputError("policy", f"{policy!r} is not known", f"take one of {', '.join(POLICIES)}")
+    policy = policy or SubdomainOptions.policy
+    chooser = policy_named(policy)
     nodes, turned = read_outline(boundary)
     if turned:
         typer.echo(f"{boundary.name}: runs clockwise; taken the other way round, from the same first point", err=True)
-    filled = fill_cap(nodes, POLICIES[policy], layers)
+    filled = fill_cap(nodes, chooser, layers)
     figures = plane_metrics(Domain(nodes), np.array(filled.points), np.array(filled.quads))
     with complete(out) as folder:
         write_mesh(folder / "mesh.vtu", filled.blocks)

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from drl_meshgen.assembly import LimitOptions
+from drl_meshgen.assembly import LimitOptions, SubdomainOptions
 from drl_meshgen.errors import MeshgenError
 from drl_meshgen.pipeline import MeshOptions
 
@@ -47,6 +47,7 @@ def chosen(
     irregular: int | None = None,
     feature_angle: float | None = None,
     fast: bool = False,
+    policy: str | None = None,
     remesh: bool = False,
     strict: bool = False,
 ) -> MeshOptions:
@@ -66,7 +67,10 @@ def chosen(
         options.limits.irregular if irregular is None else irregular,
     )
     seams = options.seams if feature_angle is None else replace(options.seams, feature_angle=feature_angle)
-    return replace(options, cleanup=cleanup, seams=seams, decompose=decompose, limits=limits, seed=seed)
+    subdomain = options.subdomain if policy is None else SubdomainOptions(policy)
+    return replace(
+        options, cleanup=cleanup, seams=seams, decompose=decompose, subdomain=subdomain, limits=limits, seed=seed
+    )
 
 
 def _count(text: str) -> tuple[str, int]:

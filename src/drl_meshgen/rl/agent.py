@@ -17,7 +17,7 @@ from drl_meshgen.rl.scene import Scene, corner_choices, views
 from drl_meshgen.templates.domain import Domain, Frame
 from drl_meshgen.templates.o_type import OParameters
 from drl_meshgen.templates.options import PlacementOptions, Size
-from drl_meshgen.templates.placement import MAX_BOW, fitted
+from drl_meshgen.templates.placement import MAX_BOW, place, start_of
 from drl_meshgen.templates.policy import parameters_of as parameters_of_placement
 from drl_meshgen.templates.score import Weights
 from drl_meshgen.templates.sketch import Sketch
@@ -65,6 +65,10 @@ class AgentOptions:
     """Numbers of layers that are placed and judged."""
     layers_again: tuple[int, ...] = (3, 5, 8)
     """As many where none of these makes a valid mesh."""
+    sized_tried: int = 3
+    """Choices of corners that are placed where sizes are wanted."""
+    sized_steps: int = 6
+    """Steps by which a proposal then gives way to the sizes, in either of two rounds."""
     weights: Weights = field(default_factory=Weights)
     """Weights of the reward that proposals are judged by."""
 
@@ -95,7 +99,7 @@ class AgentPolicy:
         nodes = domain.frame.to_local(domain.nodes)
         o = self.options
         if size is not None:
-            pairs = np.array([corners]) if corners else self.corners([nodes], o.tried)[0]
+            pairs = np.array([corners]) if corners else self.corners([nodes], o.sized_tried)[0]
             return self._sized(Domain(nodes), pairs, domain.frame, layers, size)
         for count, values in ((o.tried, o.layers), (o.tried_again, o.layers_again)):
             pairs = np.array([corners]) if corners else self.corners([nodes], count)[0]
@@ -107,10 +111,10 @@ class AgentPolicy:
     def _sized(
         self, domain: Domain, pairs: Int[np.ndarray, "t 2"], frame: Frame, layers: int | None, size: Size
     ) -> OParameters:
-        """Return the proposal that meets wanted sizes best once its core is scaled and its layers are counted."""
+        """Return the proposal that meets sizes best once its core is scaled and has given way to them a little."""
         asked = min(max(layers or min(self.options.layers), LEARNT_LAYERS[0]), LEARNT_LAYERS[1])
         found = self.proposals(domain.nodes, pairs, (asked,))
-        options = PlacementOptions()
+        options = PlacementOptions(iterations=self.options.sized_steps)
         placed = []
         for (i0, m), singular, bulges in zip(
             pairs.tolist(), found.parts["singular"], found.parts["bulges"], strict=True
@@ -118,7 +122,8 @@ class AgentPolicy:
             sketch = Sketch.of(domain, i0, m, SKETCHED, 3)
             wanted = lambda points: size(frame.to_world(points)) / frame.scale  # noqa: E731
             shape = singular, bulges[:, 0].clip(-MAX_BOW, MAX_BOW)
-            placed.append((fitted(sketch, wanted, layers, options, shape), sketch))
+            start = start_of(sketch, wanted, layers, options, shape)
+            placed.append((place(sketch, wanted, layers, options, start, shape=shape), sketch))
         placement, sketch = min(placed, key=lambda pair: pair[0].energy)
         return parameters_of_placement(placement, sketch, frame.to_world(placement.singular))
 

@@ -11,8 +11,7 @@ import numba
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
-from drl_meshgen.rl.controls import SHAPED, parts_of
-from drl_meshgen.templates.curves import SWELLS, WAVES
+from drl_meshgen.rl.controls import FREED, parts_of
 
 PER_SIDE: Final = 16
 """Samples of each side that a policy sees."""
@@ -92,22 +91,21 @@ def _answered(turn: int, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:  # no
 
     Bulges are numbers, all else vectors of the frame.
     """
-    unit = np.eye(SHAPED)
+    unit = np.eye(FREED)
     part = parts_of(unit)
-    vectors = [part["singular"], part["waves"][:, :4], part["waves"][:, 4:], part["swells"]]
-    points, spokes, sides, swells = (v[..., 0] + 1j * v[..., 1] for v in vectors)
+    vectors = [part["singular"], part["waves"][:, :4], part["waves"][:, 4:], part["swells"], part["rim"]]
+    points, spokes, sides, swells, rim = (v[..., 0] + 1j * v[..., 1] for v in vectors)
     bulged = part["bulges"]
     if mirrored:
         # point and spoke s were those of corner 1 - s, side and outer block s were side -s run backwards
         corner, side = (1 - np.arange(4)) % 4, -np.arange(4) % 4
         points, spokes = -np.conj(points[:, corner]), -np.conj(spokes[:, corner])
-        sides, swells = -np.conj(sides[:, side]), -np.conj(swells[:, side])
-        sides, swells = sides * (-1.0) ** np.arange(WAVES), swells * (-1.0) ** np.arange(SWELLS)
+        sides, swells, rim = (-np.conj(v[:, side]) * (-1.0) ** np.arange(v.shape[2]) for v in (sides, swells, rim))
         bulged = np.concatenate([-bulged[:, corner], bulged[:, 4 + side] * np.array([1.0, -1.0])], axis=1)
-    rolled = [_turn(np.roll(v, turn, axis=1), turn) for v in (points, spokes, sides, swells)]
+    rolled = [_turn(np.roll(v, turn, axis=1), turn) for v in (points, spokes, sides, swells, rim)]
     bulged = np.concatenate([np.roll(half, turn, axis=1) for half in (bulged[:, :4], bulged[:, 4:])], axis=1)
-    flat = [np.stack([np.real(v), np.imag(v)], axis=-1).reshape(SHAPED, -1) for v in rolled]
-    return _signed_permutation(np.concatenate([flat[0], bulged.reshape(SHAPED, -1), *flat[1:]], axis=1).T)
+    flat = [np.stack([np.real(v), np.imag(v)], axis=-1).reshape(FREED, -1) for v in rolled]
+    return _signed_permutation(np.concatenate([flat[0], bulged.reshape(FREED, -1), *flat[1:]], axis=1).T)
 
 
 _GROUP: Final = tuple((turn, mirrored) for turn in range(4) for mirrored in (False, True))

@@ -13,19 +13,23 @@ PLAIN: Final = 8 + 2 * EDGES
 """Continuous parameters of the paper's template: four points, eight pairs of amplitudes."""
 SHAPED: Final = PLAIN + 2 * (WAVES * EDGES + 4 * SWELLS)
 """The same with waves and swells."""
+FREED: Final = SHAPED + 2 * 4 * SWELLS
+"""The same with boundary nodes that may leave their samples, as sines along each side say; for ablations only."""
 
 
 def parts_of(x: Any) -> dict[str, Any]:
-    """Return vectors of continuous parameters (..., `PLAIN` or `SHAPED`) as fields of `OParameters`.
+    """Return continuous parameters (..., `PLAIN`, `SHAPED` or `FREED`) as fields of `OParameters`, and `rim`.
 
     An array gives arrays, a tensor gives tensors.
     """
     lead = x.shape[:-1]
     parts = {"singular": x[..., :8].reshape(*lead, 4, 2), "bulges": x[..., 8:PLAIN].reshape(*lead, EDGES, 2)}
-    if x.shape[-1] == SHAPED:
+    if x.shape[-1] >= SHAPED:
         ends = PLAIN + 2 * WAVES * EDGES
         parts["waves"] = x[..., PLAIN:ends].reshape(*lead, EDGES, WAVES, 2)
-        parts["swells"] = x[..., ends:].reshape(*lead, 4, SWELLS, 2)
+        parts["swells"] = x[..., ends:SHAPED].reshape(*lead, 4, SWELLS, 2)
+    if x.shape[-1] == FREED:
+        parts["rim"] = x[..., SHAPED:].reshape(*lead, 4, SWELLS, 2)
     return parts
 
 

@@ -6,7 +6,7 @@ policy, and the exact reward becomes the target of the corners' value. Nothing i
 long, since the reward is known as soon as the parameters are. Recipe and figures: docs/learning.md.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -34,7 +34,7 @@ class LearnOptions:
 
     seed: int = 1
     """Seed of weights and draws."""
-    steps: int = 20_000
+    steps: int = 12_000
     """Steps from nothing to the end."""
     domains: int = 16
     """Domains of a step, half of them hard."""
@@ -142,11 +142,10 @@ class Learner:
         rim = side_samples(nodes[which], corners, PER_SIDE)
         scene = Scene.of(rim, corners[:, 1], size, layers).each(torch.as_tensor)
         parts = scene.placed(self.placer(scene.seen), torch.tanh)
-        coarse_rim = torch.as_tensor(rim[:taught, :: PER_SIDE // divisions])
-        points = coarse.points(coarse_rim, **{name: part[:taught] for name, part in parts.items()})
         m = torch.as_tensor(corners[:taught, 1])
         share = coarse.share(m, size // 2 - m, torch.as_tensor(layers[:taught]))
-        worth = Worth.apply(points, coarse.quads, share, o.weights)
+        coarse_rim = torch.as_tensor(rim[:taught, :: PER_SIDE // divisions])
+        worth = self.worth(coarse, coarse_rim, {name: part[:taught] for name, part in parts.items()}, share)
         relevance = torch.ones(taught)
         relevance[(1 + o.soft[0]) * o.domains :] = o.anyhow_weight
         self._descend(1, -(relevance * worth).sum() / relevance.sum())
@@ -154,10 +153,31 @@ class Learner:
         exact = np.empty(len(which))
         for b, d in enumerate(which):
             one = slice(b, b + 1)
-            some = {name: part[one] for name, part in found.items()}
-            judged = judge_o(nodes[d], corners[one], layers[one], weights=o.weights, **some)
-            exact[b] = (judged.reward - judged.penalty)[0]
+            exact[b] = self.exact(
+                nodes[d], corners[one], layers[one], {name: part[one] for name, part in found.items()}
+            )
         return exact.reshape(shape)
+
+    def worth(
+        self,
+        coarse: Surrogate,
+        rim: Float[torch.Tensor, "b r 2"],
+        parts: Mapping[str, torch.Tensor],
+        share: Float[torch.Tensor, "b q"],
+    ) -> Float[torch.Tensor, " b"]:
+        """Return what coarse meshes are worth, with a gradient."""
+        return Worth.apply(coarse.points(rim, **parts), coarse.quads, share, self.options.weights)
+
+    def exact(
+        self,
+        nodes: Float[np.ndarray, "l 2"],
+        corners: Int[np.ndarray, "1 2"],
+        layers: Int[np.ndarray, "1"],
+        parts: Mapping[str, np.ndarray],
+    ) -> float:
+        """Return what one mesh is worth."""
+        judged = judge_o(nodes, corners, layers, weights=self.options.weights, **parts)
+        return float((judged.reward - judged.penalty)[0])
 
     def _descend(self, part: int, loss: torch.Tensor) -> None:
         network, optimiser = (self.corner, self.placer)[part], self.optimisers[part]

@@ -18,10 +18,18 @@ from drl_meshgen.templates.curves import SWELLS, WAVES, left_normal
 from drl_meshgen.templates.domain import Domain
 from drl_meshgen.templates.mesh import grid_quads
 from drl_meshgen.templates.o_type import EDGES, OParameters, grids, positions, rim_fractions
-from drl_meshgen.templates.options import Size
+from drl_meshgen.templates.options import PlacementOptions, Size
+from drl_meshgen.templates.policy import RulePolicy
 from drl_meshgen.templates.score import Weights
 
 NEXT: Final = (1, 2, 3, 0)
+THOROUGH: Final = RulePolicy(
+    counts=20,
+    shortlist=8,
+    spread=(1.0, 0.9, 0.75, 0.6, 0.5, 0.35),
+    divisions=8,
+    placement=PlacementOptions(iterations=60, rounds=4),
+)
 
 
 def tutte_points(nodes: Float[np.ndarray, "l 2"], corners: Int[np.ndarray, "b 2"]) -> Float[np.ndarray, "b 4 2"]:
@@ -122,10 +130,15 @@ class OptimizerPolicy:
         domain: Domain,
         *,
         layers: int | None = None,
-        size: Size | None = None,  # noqa: ARG002 - the reward knows no sizes
+        size: Size | None = None,
         corners: tuple[int, int] | None = None,
     ) -> OParameters:
-        """Return the best parameters found, valid ones first; raises `InputError` for an odd number of nodes."""
+        """Return the best parameters found, valid ones first; raises `InputError` for an odd number of nodes.
+
+        The reward knows no sizes: with `size`, the descent of `RulePolicy` is taken much further instead.
+        """
+        if size is not None:
+            return THOROUGH.choose(domain, layers=layers, size=size, corners=corners)
         if len(domain) % 2:
             raise InputError("O-type template", f"boundary has an odd number of nodes ({len(domain)})", "make it even")
         frame = domain.frame

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
@@ -20,7 +19,6 @@ from drl_meshgen.rl.scene import SEEN, VIEWED
 
 FORMAT: Final = "drl-meshgen policy"
 VERSION: Final = 1
-SHIPPED: Final = Path(__file__).parent / "policies" / "agent.safetensors"
 
 
 def write_policy(path: Path | str, weights: Weights, card: Mapping[str, Any]) -> None:
@@ -65,12 +63,6 @@ def _shapes(weights: Weights) -> dict[str, tuple[int, ...]]:
 def read_card(path: Path | str) -> dict[str, Any]:
     """Return what a policy file says about itself."""
     return _read(Path(path))[1]
-
-
-@cache
-def shipped_policy() -> AgentPolicy:
-    """Return the policy that comes with the package; read once."""
-    return read_policy(SHIPPED)
 
 
 def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

@@ -120,9 +120,8 @@ class Scene:
         parts = parts_of(answer)
         singular = (self.singular + parts["singular"]) @ self.rotation + self.origin[:, None]
         found = {"singular": singular, "bulges": MOST_BULGE * tanh(parts["bulges"] / MOST_BULGE)}
-        if "waves" in parts:
-            found |= {name: parts[name] @ self.rotation[:, None] for name in ("waves", "swells")}
-        return found
+        rest = [name for name in parts if name not in found]
+        return found | {name: parts[name] @ self.rotation[:, None] for name in rest}
 
 
 def log_counts(size: Int[np.ndarray, " b"] | int, layers: Int[np.ndarray, " b"] | int) -> tuple[np.ndarray, np.ndarray]:

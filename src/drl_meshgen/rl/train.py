@@ -101,7 +101,7 @@ def train(
     steps: Annotated[int, typer.Option(min=1, help="Steps from nothing to the end.")] = LearnOptions.steps,
     seed: Annotated[int, typer.Option(help="Seed of weights and draws.")] = LearnOptions.seed,
     domains: Annotated[int, typer.Option(min=2, help="Training domains of each kind.")] = DataSet.TRAIN.size,
-    threads: Annotated[int, typer.Option(min=1, help="Threads; weights are the same for the same number.")] = 2,
+    threads: Annotated[int, typer.Option(min=1, help="Threads; weights are the same for the same number.")] = 1,
 ) -> None:
     """Train the policy and write `agent.safetensors`, its early self, and the learning curve."""
     torch.set_num_threads(threads)

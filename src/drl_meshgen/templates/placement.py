@@ -86,15 +86,21 @@ def thickness_ratio(sketch: Sketch, singular: Float[np.ndarray, "4 2"]) -> float
 
 
 def place(
-    sketch: Sketch, size: Size, layers: int | None, options: PlacementOptions, start: tuple[float, float]
+    sketch: Sketch,
+    size: Size,
+    layers: int | None,
+    options: PlacementOptions,
+    start: tuple[float, float],
+    *,
+    shape: Shape | None = None,
 ) -> Placement:
-    """Return the parameters of least energy found by L-BFGS from Tutte's embedding.
+    """Return the parameters of least energy found by L-BFGS from `shape`, Tutte's embedding if None.
 
     `size` is in the units of the sketch; `layers` fixes k, None leaves it free. `start` is the core's size relative to
-    Tutte's and the number of layers to start from, see `start_of`.
+    the shape's and the number of layers to start from, see `start_of`.
     """
     o = options
-    trial = _Trial(sketch, size, corner_operator(sketch.quads, sketch.n_points), o)
+    trial = _Trial(sketch, size, corner_operator(sketch.quads, sketch.n_points), o, shape)
     scale, k = start
     x = trial.scaled(scale)
     ratio, energy = 1.0, np.inf
@@ -172,30 +178,17 @@ class _Trial:
         return cells @ middle / cells.sum()
 
 
-def start_of(sketch: Sketch, size: Size, layers: int | None, options: PlacementOptions) -> tuple[float, float]:
+def start_of(
+    sketch: Sketch, size: Size, layers: int | None, options: PlacementOptions, shape: Shape | None = None
+) -> tuple[float, float]:
     """Return the relative size of the core, one of `SCALES`, and the number of layers of least energy together."""
-    trial = _Trial(sketch, size, corner_operator(sketch.quads, sketch.n_points), options)
-    scale, k, _ = _best_scale(trial, layers)
-    return scale, k
-
-
-def fitted(sketch: Sketch, size: Size, layers: int | None, options: PlacementOptions, shape: Shape) -> Placement:
-    """Return `shape`, singular points and bows in the units of the sketch, scaled to sizes without a descent."""
     trial = _Trial(sketch, size, corner_operator(sketch.quads, sketch.n_points), options, shape)
-    scale, k, energy = _best_scale(trial, layers)
-    x = trial.scaled(scale)
-    singular = x[:8].reshape(4, 2)
-    return Placement(singular, x[8:], int(k), thickness_ratio(sketch, singular), energy)
-
-
-def _best_scale(trial: _Trial, layers: int | None) -> tuple[float, float, float]:
-    """Return the size of the core and the number of layers of least energy, and that energy."""
     counts = np.unique(np.geomspace(1, MAX_LAYERS, 20).round()) if layers is None else np.array([float(layers)])
-    best = (1.0, 1.0, np.inf)
+    best, start = np.inf, (1.0, 1.0)
     for scale in SCALES:
         x = trial.scaled(scale)
-        fixed, basis, h = trial.state(x, thickness_ratio(trial.sketch, x[:8].reshape(4, 2)))
-        k, energy = trial.best_layers(fixed + basis @ controls(trial.sketch, x), h, counts)
-        if energy < best[2]:
-            best = scale, k, energy
-    return best
+        fixed, basis, h = trial.state(x, thickness_ratio(sketch, x[:8].reshape(4, 2)))
+        k, energy = trial.best_layers(fixed + basis @ controls(sketch, x), h, counts)
+        if energy < best:
+            best, start = energy, (scale, k)
+    return start
