@@ -2,7 +2,8 @@
 
 Three families. *cap*: boundary of a cap in its disk chart, as the subdomain stage fills it, with its corners where the
 layout fixes them. *outline*: the same nodes on the surface, seen from where the cap looks flattest; the pipeline fills
-charts, these are for variety. *transition*: four-sided patch of a tube that loses columns, in the tube's chart.
+charts, these are for variety. *transition*: four-sided patch of a tube that loses columns, in the tube's chart; of
+generated models only, with losing columns made free of cost, as the pipeline does not do it by default.
 """
 
 import argparse
@@ -25,7 +26,7 @@ from drl_meshgen.benchmarks.templates import PIPELINE
 from drl_meshgen.decompose import Layout
 from drl_meshgen.errors import InputError, MeshgenError
 from drl_meshgen.mesh.topology import Topology
-from drl_meshgen.models import MODELS
+from drl_meshgen.models import MODELS, is_generated
 from drl_meshgen.partition import Partition
 from drl_meshgen.pipeline import STAGES, MeshOptions
 from drl_meshgen.rl.datasets import Sample, write_samples
@@ -47,11 +48,12 @@ Shape = tuple[str, str, Domain, tuple[int, ...]]
 def harvested(source: str) -> list[Shape]:
     """Return the domains that one surface gives, largest first; none where the pipeline refuses it."""
     options = MeshOptions().sized(TARGET)
-    tapering = replace(options, decompose=replace(options.decompose, transitions=True))
+    tapering = replace(options, decompose=replace(options.decompose, transitions=True, transition_cost=0.0))
+    runs = [(options, _caps), (tapering, _transitions)][: 2 if is_generated(source) else 1]
     shapes: list[Shape] = []
     with warnings.catch_warnings(), tempfile.TemporaryDirectory() as folder:
         warnings.simplefilter("ignore")
-        for own, find in ((options, _caps), (tapering, _transitions)):
+        for own, find in runs:
             try:
                 targets = ["partition", "decompose", "subdomain"]
                 done = execute(STAGES, own.by_stage(source), targets=targets, store=Store(folder))
@@ -100,7 +102,8 @@ def _transitions(name: str, done: Execution) -> Iterator[Shape]:
     for k, (tube, one) in enumerate(zip(layout.pieces.tubes, tubes, strict=True)):
         if isinstance(one, TransitionFill):
             rim, corners = patch_rim(one.grids[1:])
-            nodes = one.chart[rim] * np.array([1.0, tube.ring.chart.modulus])
+            theta, h = one.chart[rim].T
+            nodes = np.stack([np.unwrap(theta, period=1.0), h * tube.ring.chart.modulus], axis=1)
             yield from _shape("transition", f"{name} {TARGET}, tube {k}", nodes, corners)
 
 

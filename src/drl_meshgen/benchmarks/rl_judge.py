@@ -8,24 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from drl_meshgen import rl
 from drl_meshgen.baselines.plane import PlaneMethod, plane_rivals
 from drl_meshgen.benchmarks.record import Row
 from drl_meshgen.errors import InputError
 from drl_meshgen.rl.datasets import Sample
-from drl_meshgen.rl.optimum import OptimizerPolicy
 from drl_meshgen.rl.plane_metrics import plane_metrics
-from drl_meshgen.rl.policy_file import read_policy
-from drl_meshgen.templates import Domain, OParameters, Policy, RulePolicy, instantiate
+from drl_meshgen.rl.policies import SHIPPED, policy_named
+from drl_meshgen.templates import Domain, OParameters, RulePolicy, instantiate
 
 OURS = "ours"
-AGENT = Path(rl.__file__).parent / "policies" / "agent.safetensors"
-"""Weights of our learned policy."""
-POLICIES: dict[str, Callable[[], Policy]] = {
-    OURS: lambda: read_policy(AGENT),
-    "rule": RulePolicy,
-    "gradient optimiser": OptimizerPolicy,
-}
+POLICIES = {OURS: "agent", "rule": "rule", "gradient optimiser": "optimizer"}
 """Policies by their names in the tables."""
 LEARNERS = {"Double DQN (the paper's)": "dqn", "Rainbow-type DQN": "rainbow", "PPO": "ppo"}
 """Value learners by their names in the tables; judged where there is a file of weights of that name."""
@@ -48,10 +40,10 @@ def chooser(method: str, folder: Path) -> Choice | None:
         from drl_meshgen.rl.value.policy import load_value_policy
 
         policy = load_value_policy(path)
-    elif method == OURS and not AGENT.is_file():
+    elif method == OURS and not SHIPPED.is_file():
         return None
     else:
-        policy = POLICIES[method]()
+        policy = policy_named(POLICIES[method])
     policy.choose(SQUARE)
     return policy.choose
 
