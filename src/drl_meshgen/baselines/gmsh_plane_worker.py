@@ -33,7 +33,7 @@ def _outline(nodes: Float[np.ndarray, "l 2"], cells: int) -> None:
 
 
 def _sides(nodes: Float[np.ndarray, "l 2"], corners: Int[np.ndarray, "4"]) -> None:
-    """Add the domain as a four-sided surface; each side one curve divided at the nodes, opposite sides alike."""
+    """Add the domain as a four-sided surface; each side one curve with as many cells as edges."""
     geo = gmsh.model.geo
     points = [geo.addPoint(float(x), float(y), 0.0) for x, y in nodes]
     ends = [*corners.tolist(), int(corners[0]) + len(nodes)]

@@ -19,8 +19,8 @@ _WORKER = Path(__file__).with_name("gmsh_plane_worker.py")
 class PlaneMethod(Enum):
     """What Gmsh is asked for. The value is the name in tables.
 
-    All divide the boundary at the given nodes; the quasi-structured method halves each pair of edges itself, so that
-    nodes move a little where neighbouring edges differ in length.
+    All keep the number of boundary nodes. Gmsh spaces them evenly, along each pair of edges (transfinite: along each
+    side), so that nodes move a little where neighbouring edges differ in length.
     """
 
     QUASI_STRUCTURED = "Gmsh quasi-structured"
