@@ -60,7 +60,7 @@ Fast = Annotated[bool, typer.Option("--fast", help="Half the time, somewhat wors
 PolicyName = Annotated[
     str | None,
     typer.Option(
-        "--policy", metavar="NAME", help="Who places templates: agent, rule, optimizer or a file.  [default: rule]"
+        "--policy", metavar="NAME", help="Who places templates: agent, rule, optimizer or a file.  [default: agent]"
     ),
 ]
 Remesh = Annotated[bool, typer.Option("--remesh", help="Remesh the input isotropically first.")]

@@ -26,7 +26,7 @@ HEIGHT_SLOTS = 32
 class SubdomainOptions:
     """How templates are placed."""
 
-    policy: str = "rule"
+    policy: str = "agent"
     """Who chooses the parameters of templates: agent (learned), rule, optimizer, or the path of a .safetensors file."""
 
 

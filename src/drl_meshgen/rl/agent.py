@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 from jaxtyping import Float, Int
+from threadpoolctl import ThreadpoolController
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.rl.boundary import PER_SIDE, side_samples
@@ -26,6 +28,12 @@ LEARNT_LAYERS = 3, 10
 """Fewest and most layers that the policy was trained on."""
 SKETCHED = 6
 """Cells per side of the coarse mesh on which sizes are met."""
+
+
+@cache
+def _threads() -> ThreadpoolController:
+    """Return what limits BLAS to one thread: same bytes everywhere, and matrices this small are faster so."""
+    return ThreadpoolController()
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +67,7 @@ class AgentOptions:
     """Choices of corners that are placed and judged, the most valuable first."""
     tried_again: int = 64
     """As many where none of these makes a valid mesh."""
-    choices: int = 2000
+    choices: int = 600
     """Choices of corners whose value is computed, at most."""
     layers: tuple[int, ...] = (3,)
     """Numbers of layers that are placed and judged."""
@@ -96,6 +104,12 @@ class AgentPolicy:
         """
         if len(domain) % 2:
             raise InputError("O-type template", f"boundary has an odd number of nodes ({len(domain)})", "make it even")
+        with _threads().limit(limits=1):
+            return self._chosen(domain, layers, size, corners)
+
+    def _chosen(
+        self, domain: Domain, layers: int | None, size: Size | None, corners: tuple[int, int] | None
+    ) -> OParameters:
         nodes = domain.frame.to_local(domain.nodes)
         o = self.options
         if size is not None:

@@ -33,7 +33,7 @@ class Perceptron:
             x = x @ weight
             x += bias
             if i < len(self.layers) - 1:
-                x /= 1 + np.exp(-x.clip(-80))
+                x /= 1 + np.exp(-np.maximum(x, -80, dtype=np.float32))
         return x
 
 

@@ -11,7 +11,7 @@ AGENT: Final = "agent"
 POLICIES: Final = (AGENT, "rule", "optimizer")
 """The learned policy that comes with the package, rules, and gradient ascent."""
 SUFFIX: Final = ".safetensors"
-SHIPPED: Final = Path(__file__).parent / "policies" / "agent.safetensors"
+SHIPPED: Final = Path(__file__).parent / "weights" / "agent.safetensors"
 """Weights of the learned policy."""
 
 

@@ -32,7 +32,7 @@ def write_policy(path: Path | str, weights: Weights, card: Mapping[str, Any]) ->
 
 def read_policy(path: Path | str, options: AgentOptions | None = None) -> AgentPolicy:
     """Return the policy of a file; raises `InputError` for one that is damaged, foreign, or of another version."""
-    weights, _ = _read(Path(path))
+    weights = read_weights(path)
     for name, shape in _shapes(weights).items():
         found = weights[name].shape if name in weights else "none"
         if found != shape or weights[name].dtype != np.float32:
@@ -58,6 +58,11 @@ def _shapes(weights: Weights) -> dict[str, tuple[int, ...]]:
     hidden, answered = width("placer.body.0.bias"), width("placer.body.6.bias")
     perceptron("placer.body", (SEEN, hidden, hidden, hidden, PLAIN if answered == PLAIN else SHAPED))
     return shapes
+
+
+def read_weights(path: Path | str) -> dict[str, np.ndarray]:
+    """Return the weights of a policy file by name, unchecked; raises `InputError` for a file that is none."""
+    return _read(Path(path))[0]
 
 
 def read_card(path: Path | str) -> dict[str, Any]:
