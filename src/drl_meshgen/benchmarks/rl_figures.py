@@ -124,7 +124,7 @@ def draw_rivals(folder: Path, choose: Choice, domains: Sequence[tuple[str, int]]
                 axes.set_title(f"{method.value}: {made.outcome.value}", fontsize=9)
                 axes.set_axis_off()
     path = folder / "figure12.png"
-    write_figure(path, figure, 80)
+    write_figure(path, figure, 60)
     caption = "The same boundary nodes for all. Colours: largest deviation of a corner from 90°; folded quads are red."
     return ShownFigure("Figure 12: side by side", caption, path)
 
