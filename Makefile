@@ -14,7 +14,7 @@ export OMP_NUM_THREADS ?= 2
 export OPENBLAS_NUM_THREADS ?= 2
 export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 
-.PHONY: setup libraries demo test lint bench extra-bench robustness bench-quality rl-harvest rl-baselines rl-tables train-value judge-value clean
+.PHONY: setup train rl-ablation libraries demo test lint bench extra-bench robustness bench-quality rl-harvest rl-baselines rl-tables train-value judge-value clean
 
 setup: $(STAMP)
 
@@ -64,6 +64,15 @@ robustness: setup
 bench-quality: extra-bench
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m drl_meshgen.benchmarks.quality --resume \
 		--models $(MODELS) --out docs/benchmarks
+
+# The policy that comes with the project, from nothing, in about a quarter of an hour; interrupted, the next call goes
+# on. Then the data of the ablations and of the learning figures, ten minutes.
+train: setup
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m drl_meshgen.rl.train --out out/train
+
+rl-ablation: setup
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m drl_meshgen.rl.ablation --trained out/train \
+		--out docs/benchmarks/rl
 
 # A learner by value or policy gradient: dqn (the paper's), rainbow or ppo. Interrupted, the next call goes on.
 LEARNER ?= dqn

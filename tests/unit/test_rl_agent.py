@@ -16,7 +16,7 @@ from drl_meshgen.templates.score import reward
 
 TURN = np.array([[0.6, 0.8], [-0.8, 0.6]])
 ALL = 10_000
-TINY = LearnOptions(steps=40, domains=4, sizes=(40, 24), width=16, drawn=20)
+TINY = LearnOptions(steps=40, polish=0, domains=4, sizes=(40, 24), width=16, drawn=20)
 
 
 def drawn(data, count):

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 import torch
 
+from drl_meshgen.quality.metrics import line_smoothness
 from drl_meshgen.rl import DataSet, samples_of, twin
 from drl_meshgen.rl.surrogate import Surrogate
 from drl_meshgen.templates import Domain, OParameters, RulePolicy, instantiate, score
@@ -62,3 +63,30 @@ def test_a_gradient_reaches_every_control():
     twin.reward(coarse.points(rim, singular, bulges), coarse.quads).sum().backward()
     assert (singular.grad != 0).all()
     assert (bulges.grad != 0).any(dim=2).all()
+
+
+def smoothness_of(coarse, rim, singular, counts):
+    controls = [torch.as_tensor(np.array(part))[None] for part in (singular, np.zeros((8, 2)))]
+    return float(coarse.smoothness(coarse.points(rim, *controls), *(torch.tensor([k]) for k in counts))[0])
+
+
+def test_smoothness_is_one_on_an_even_grid_and_that_of_the_template_where_cells_agree():
+    domain, coarse = even_square(6), Surrogate(6, 2)
+    rim = coarse.rims([domain], np.array([[0, 6]]))
+    # rows of the outer blocks end at corners, so an O-grid is never all even; its core here is
+    singular = np.array([[0.25, 0.25], [0.75, 0.25], [0.75, 0.75], [0.25, 0.75]])
+    mesh = instantiate(domain, OParameters(0, 6, 6, 2, singular, np.zeros((8, 2))))
+    mine = smoothness_of(coarse, rim, singular, (6, 6, 2))
+    assert mine == pytest.approx(line_smoothness(mesh.blocks.mesh)[0], abs=0.01)
+    assert smoothness_of(coarse, rim, 0.2 * (singular - 0.5) + 0.5, (6, 6, 2)) < mine
+
+
+@pytest.mark.parametrize("index", [0, 3])
+def test_smoothness_is_about_that_of_the_fine_mesh(index):
+    coarse, (sample,) = Surrogate(12, 3), samples_of(DataSet.TEST_STANDARD, [index])
+    found = RulePolicy().choose(sample.domain, layers=3)
+    plain = OParameters(found.i0, found.m, found.n, 3, found.singular, np.zeros((8, 2)))
+    rim = coarse.rims([sample.domain], np.array([[found.i0, found.m]]))
+    mine = smoothness_of(coarse, rim, found.singular, (found.m, found.n, 3))
+    fine = line_smoothness(instantiate(sample.domain, plain).blocks.mesh)[0]
+    assert mine == pytest.approx(fine, abs=0.02)

@@ -10,7 +10,7 @@ from drl_meshgen.rl.learning import Bank, Learner, LearnOptions
 from drl_meshgen.rl.networks import weights_of
 from drl_meshgen.rl.policy_file import read_card
 
-TINY = LearnOptions(steps=8, domains=4, sizes=(24, 40), width=16, drawn=20)
+TINY = LearnOptions(steps=8, polish=2, domains=4, sizes=(24, 40), width=16, drawn=20)
 
 
 @pytest.fixture(scope="module")

@@ -114,7 +114,7 @@ class FreeLearner(Learner):
 def ablated(bank: Bank, steps: int, seed: int) -> Iterator[dict[str, Any]]:
     """Train with every reward of Table 1; yield metrics of Test-Standard."""
     for name, weights in REWARDS.items():
-        learner = FreeLearner(bank, LearnOptions(seed=seed, steps=steps, answered=FREED, weights=weights))
+        learner = FreeLearner(bank, LearnOptions(seed=seed, steps=steps, polish=0, answered=FREED, weights=weights))
         for _ in range(steps):
             learner.advance()
         for sample in samples_of(DataSet.TEST_STANDARD):
@@ -126,7 +126,7 @@ def front(bank: Bank, start: Mapping[str, np.ndarray], steps: int, seed: int) ->
     """Train the policy on with every weight of Fig. 10; yield metrics of Test-Standard."""
     for share in ANGLE_WEIGHTS:
         weights = replace(Weights(), orthogonality=share, jacobian=1 - share)
-        learner = Learner(bank, LearnOptions(seed=seed, steps=steps, rate=3e-4, weights=weights))
+        learner = Learner(bank, LearnOptions(seed=seed, steps=steps, polish=0, rate=3e-4, weights=weights))
         load(learner.corner, learner.placer, start)
         for _ in range(steps):
             learner.advance()

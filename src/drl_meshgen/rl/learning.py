@@ -34,8 +34,10 @@ class LearnOptions:
 
     seed: int = 1
     """Seed of weights and draws."""
-    steps: int = 12_000
+    steps: int = 13_500
     """Steps from nothing to the end."""
+    polish: int = 1_500
+    """The last of them, in which even edges count as well."""
     domains: int = 16
     """Domains of a step, half of them hard."""
     sizes: tuple[int, ...] = (100, 100, 100, 24, 100, 40, 100, 64, 100, 160, 100, 250)
@@ -55,13 +57,15 @@ class LearnOptions:
     drawn: int = 100
     """Choices of corners of each domain between which it draws."""
     rate: float = 1e-3
-    """Step length of Adam; it stays so for a third of training, then falls to nothing along a cosine."""
+    """Step length of Adam; it stays so for a third of training, then falls along a cosine; once more at the end."""
     divisions: tuple[int, int] = (8, 16)
-    """Cells per side of the coarse meshes, at first and in the last 40 % of training."""
+    """Cells per side of the coarse meshes, in the first 60 % of training and later."""
     width: int = 384
     """Units of each hidden layer of the placement policy."""
     answered: int = SHAPED
     """Continuous parameters: `controls.PLAIN` for those of the paper, `SHAPED` with waves and swells."""
+    smoothness: float = 0.45
+    """Weight of even edges along lines in the placement's loss, at the end; the reward knows nothing of them."""
     weights: Weights = field(default_factory=Weights)
     """Weights of the reward."""
 
@@ -91,9 +95,20 @@ class Learner:
         self.optimisers = [torch.optim.Adam(part.parameters(), self.options.rate) for part in parts]
         self.coarse = {d: Surrogate(d, 3) for d in self.options.divisions}
 
+    @property
+    def polishing(self) -> bool:
+        """Whether even edges count."""
+        return self.step >= self.options.steps - self.options.polish
+
+    @property
+    def done(self) -> float:
+        """Share of training, or of its end, that is over."""
+        main = self.options.steps - self.options.polish
+        return (self.step - main) / self.options.polish if self.polishing else self.step / main
+
     def advance(self) -> tuple[float, float]:
         """Take one step; return the mean worth of its most valuable choices and the error of the values."""
-        o, done = self.options, self.step / self.options.steps
+        o, done = self.options, self.done
         rng = np.random.default_rng([o.seed, self.step])
         size = o.sizes[self.step % len(o.sizes)]
         nodes = self.bank.drawn(rng, o.domains, size)
@@ -109,7 +124,8 @@ class Learner:
         corners = pairs[some[which, picks]]
         layers = np.full(picks.shape, o.nominal)
         layers[2] = rng.integers(o.layers[0], o.layers[1] + 1, o.domains)
-        exact = self._placed(nodes, which, corners, layers, o.divisions[int(done >= 0.6)])
+        divisions = o.divisions[int(done >= 0.6 or self.polishing)]
+        exact = self._placed(nodes, which, corners, layers, divisions)
         valued = layers == o.nominal
         error = value[which, picks] - torch.as_tensor(exact.clip(0, 1)).float()
         loss = error[torch.as_tensor(valued)].square().mean()
@@ -145,7 +161,11 @@ class Learner:
         m = torch.as_tensor(corners[:taught, 1])
         share = coarse.share(m, size // 2 - m, torch.as_tensor(layers[:taught]))
         coarse_rim = torch.as_tensor(rim[:taught, :: PER_SIDE // divisions])
-        worth = self.worth(coarse, coarse_rim, {name: part[:taught] for name, part in parts.items()}, share)
+        some = {name: part[:taught] for name, part in parts.items()}
+        worth = self.worth(coarse, coarse_rim, some, share)
+        if self.polishing:
+            k = torch.as_tensor(layers[:taught])
+            worth = worth + o.smoothness * coarse.smoothness(coarse.points(coarse_rim, **some), m, size // 2 - m, k)
         relevance = torch.ones(taught)
         relevance[(1 + o.soft[0]) * o.domains :] = o.anyhow_weight
         self._descend(1, -(relevance * worth).sum() / relevance.sum())

@@ -90,3 +90,50 @@ class Surrogate:
         outer = self.divisions * self.layers
         coarse = torch.tensor([self.divisions**2, outer, outer, outer, outer])
         return torch.repeat_interleave(cells / cells.sum(dim=1, keepdim=True) / coarse, coarse, dim=1)
+
+    @cached_property
+    def _lines(self) -> tuple[Int[torch.Tensor, "t 3"], Int[torch.Tensor, "t 3"], Float[torch.Tensor, " t"]]:
+        """Return consecutive nodes of lines, the directions of both edges and across them, and whether a block ends.
+
+        Directions count m, n or k fine cells: 0, 1, 2.
+        """
+        core, *outer = grids(0, self.divisions, self.divisions, self.layers)
+        parts: list[tuple[np.ndarray, ...]] = []
+
+        def add(a: np.ndarray, b: np.ndarray, c: np.ndarray, way: tuple[int, int, int], end: float) -> None:
+            nodes = np.stack([a.ravel(), b.ravel(), c.ravel()], axis=1)
+            parts.append((nodes, np.tile(way, (a.size, 1)), np.full(a.size, end)))
+
+        add(core[:-2, :], core[1:-1, :], core[2:, :], (0, 0, 1), 0.0)
+        add(core[:, :-2], core[:, 1:-1], core[:, 2:], (1, 1, 0), 0.0)
+        inward = core[:, 1], core[-2], core[::-1, -2], core[1, ::-1]
+        for s, block in enumerate(outer):
+            along, following = s % 2, outer[(s + 1) % 4]
+            add(block[:-2, 1:], block[1:-1, 1:], block[2:, 1:], (along, along, 2), 0.0)
+            add(block[:, :-2], block[:, 1:-1], block[:, 2:], (2, 2, along), 0.0)
+            add(block[1:-1, -2], block[1:-1, -1], inward[s][1:-1], (2, 1 - along, along), 1.0)
+            add(block[-2, 1:-1], block[-1, 1:-1], following[1, 1:-1], (along, 1 - along, 2), 0.0)
+        nodes, ways, ends = (torch.as_tensor(np.concatenate(part)) for part in zip(*parts, strict=True))
+        return nodes, ways, ends
+
+    def smoothness(
+        self,
+        points: Float[torch.Tensor, "b p 2"],
+        m: Int[torch.Tensor, " b"],
+        n: Int[torch.Tensor, " b"],
+        layers: Int[torch.Tensor, " b"],
+    ) -> Float[torch.Tensor, " b"]:
+        """Return about the mean ratio, at most 1, of consecutive edges along lines of meshes with those cells.
+
+        A coarse edge stands for several fine ones, so its ratio to the next is spread over as many, but where the core
+        meets the outer blocks.
+        """
+        nodes, ways, ends = self._lines
+        fine = torch.stack([m / self.divisions, n / self.divisions, layers / self.layers], dim=1).to(points.dtype)
+        first, second, across = (fine[:, ways[:, i]] for i in range(3))
+        edges = torch.diff(points[:, nodes], dim=2).norm(dim=-1).clamp_min(1e-9)
+        lengths = edges[..., 0] / first, edges[..., 1] / second
+        spread = torch.where(ends > 0, 1.0, (first + second) / 2).clamp_min(1.0)
+        ratio = torch.exp(-(lengths[0].log() - lengths[1].log()).abs() / spread)
+        weight = across * torch.where(ends > 0, 1.0, spread)
+        return (weight * ratio).sum(dim=1) / weight.sum(dim=1)

@@ -30,7 +30,7 @@ EXAMINED = 60
 EVERY = 500
 """Steps between rows of the curve, and checkpoints."""
 EARLY = 0.1
-"""Share of training after which the policy is kept for comparison (paper Fig. 11)."""
+"""Share of training, its end left out, after which the policy is kept for comparison (paper Fig. 11)."""
 
 
 def drawn(path: Path, sets: Sequence[DataSet], count: int) -> dict[str, list[Domain]]:
@@ -108,7 +108,8 @@ def train(
     out.mkdir(parents=True, exist_ok=True)
     training = drawn(out / "domains.parquet", (DataSet.TRAIN, DataSet.TRAIN_HARD), domains)
     validation = drawn(out / "validation.parquet", (DataSet.VALIDATION, DataSet.VALIDATION_HARD), EXAMINED)
-    learner = Learner(Bank(*training.values()), LearnOptions(seed=seed, steps=steps))
+    options = LearnOptions(seed=seed, steps=steps, polish=steps * LearnOptions.polish // LearnOptions.steps)
+    learner = Learner(Bank(*training.values()), options)
     rows, seconds, checkpoint = [], [], out / "checkpoint.safetensors"
     if checkpoint.is_file():
         read_checkpoint(checkpoint, learner)
@@ -117,11 +118,12 @@ def train(
     # imported here because its import takes a second
     from torch.utils.tensorboard import SummaryWriter
 
+    early = max(1, int(EARLY * (options.steps - options.polish)))
     with SummaryWriter(str(out / "tensorboard"), purge_step=learner.step) as board:
         begin = time.process_time() - (seconds[-1]["cpu_seconds"] if seconds else 0.0)
         while learner.step < steps:
             worth, error = learner.advance()
-            if learner.step % EVERY and learner.step not in {steps, int(EARLY * steps)}:
+            if learner.step % EVERY and learner.step not in {steps, early}:
                 continue
             rows.append(row_of(learner, worth, error, validation))
             seconds.append({"step": learner.step, "cpu_seconds": time.process_time() - begin})
@@ -131,7 +133,7 @@ def train(
             write_table(out / "curve-seconds.parquet", pd.DataFrame(seconds))
             write_checkpoint(checkpoint, learner)
             last = {key: value for key, value in rows[-1].items() if key.startswith("validation")}
-            name = "early" if learner.step == int(EARLY * steps) else "agent"
+            name = "early" if learner.step == early else "agent"
             card = card_of(learner, len(training[DataSet.TRAIN.key]), last)
             write_policy(out / f"{name}.safetensors", weights_of(learner.corner, learner.placer), card)
             typer.echo(f"step {learner.step}: " + json.dumps(card["validation"]))
