@@ -91,9 +91,11 @@ class Learner:
         self.options, self.bank, self.step = options or LearnOptions(), bank, 0
         torch.manual_seed(self.options.seed)
         self.corner, self.placer = CornerValue(), Placer(self.options.width, answered=self.options.answered)
-        parts = self.corner, self.placer
-        self.optimisers = [torch.optim.Adam(part.parameters(), self.options.rate) for part in parts]
+        self.optimisers = self._optimisers()
         self.coarse = {d: Surrogate(d, 3) for d in self.options.divisions}
+
+    def _optimisers(self) -> list[torch.optim.Adam]:
+        return [torch.optim.Adam(part.parameters(), self.options.rate) for part in (self.corner, self.placer)]
 
     @property
     def polishing(self) -> bool:
@@ -109,6 +111,9 @@ class Learner:
     def advance(self) -> tuple[float, float]:
         """Take one step; return the mean worth of its most valuable choices and the error of the values."""
         o, done = self.options, self.done
+        if self.polishing and done == 0:
+            # their moments are those of another loss, with far smaller gradients
+            self.optimisers = self._optimisers()
         rng = np.random.default_rng([o.seed, self.step])
         size = o.sizes[self.step % len(o.sizes)]
         nodes = self.bank.drawn(rng, o.domains, size)
