@@ -66,7 +66,7 @@ def _turn(points: Complex[np.ndarray, "*k"], quarter: int) -> Complex[np.ndarray
     return points * (1j) ** quarter
 
 
-def _signed_permutation(act: np.ndarray) -> tuple[Int[np.ndarray, " c"], Float[np.ndarray, " c"]]:
+def signed_permutation(act: np.ndarray) -> tuple[Int[np.ndarray, " c"], Float[np.ndarray, " c"]]:
     """Return, for each row of a signed permutation matrix, its column and its sign."""
     column = np.abs(act).argmax(axis=1)
     return column, act[np.arange(len(act)), column]
@@ -83,7 +83,7 @@ def _seen(turn: int, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:  # noqa: 
     act = np.zeros((2 * size + 2, 2 * size + 2))
     act[: 2 * size : 2, : 2 * size], act[1 : 2 * size : 2, : 2 * size] = np.real(shifted).T, np.imag(shifted).T
     act[2 * size :, 2 * size :] = np.roll(np.eye(2), turn, axis=1)
-    return _signed_permutation(act)
+    return signed_permutation(act)
 
 
 def _answered(turn: int, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:  # noqa: FBT001
@@ -105,7 +105,7 @@ def _answered(turn: int, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:  # no
     rolled = [_turn(np.roll(v, turn, axis=1), turn) for v in (points, spokes, sides, swells, rim)]
     bulged = np.concatenate([np.roll(half, turn, axis=1) for half in (bulged[:, :4], bulged[:, 4:])], axis=1)
     flat = [np.stack([np.real(v), np.imag(v)], axis=-1).reshape(FREED, -1) for v in rolled]
-    return _signed_permutation(np.concatenate([flat[0], bulged.reshape(FREED, -1), *flat[1:]], axis=1).T)
+    return signed_permutation(np.concatenate([flat[0], bulged.reshape(FREED, -1), *flat[1:]], axis=1).T)
 
 
 _GROUP: Final = tuple((turn, mirrored) for turn in range(4) for mirrored in (False, True))

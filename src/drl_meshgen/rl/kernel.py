@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from drl_meshgen.errors import InputError
-from drl_meshgen.templates.c_type import BLOCKS, EDGES, RIM, SINGULAR, CParameters
+from drl_meshgen.templates.c_type import BLOCKS, EDGES, ENDS, RIM, CParameters
 from drl_meshgen.templates.curves import SWELLS, WAVES
 from drl_meshgen.templates.score import LEAST_JACOBIAN, PENALTY, Weights
 
@@ -31,8 +31,6 @@ def _c_sides() -> Int[np.ndarray, "9 4"]:
 
 
 C_SIDES: Final[np.ndarray] = _c_sides()
-#: Ends of the internal edges of a C-type mesh: 0-11 are vertices of the rim, 12-15 the singular points.
-C_ENDS: Final[np.ndarray] = np.array([[(RIM + SINGULAR).index(name) for name in edge[:2]] for edge in EDGES])
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +88,7 @@ def judge_c(nodes: Float[np.ndarray, "l 2"], parameters: list[CParameters], weig
     cells = np.array([[getattr(p.counts, kind) for _, _, kind in EDGES] for p in parameters], np.int64)
     singular = _float(np.array([p.singular for p in parameters]))
     bulges = _float(np.array([p.bulges for p in parameters]))
-    return _judged(_all_c(_float(nodes), start, rims, cells, singular, bulges, C_ENDS, C_SIDES), weights or Weights())
+    return _judged(_all_c(_float(nodes), start, rims, cells, singular, bulges, ENDS, C_SIDES), weights or Weights())
 
 
 def _float(array: np.ndarray) -> np.ndarray:

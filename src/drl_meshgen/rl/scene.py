@@ -113,7 +113,7 @@ class Scene:
 
     def each(self, convert: Callable[[np.ndarray], Any]) -> "Scene":
         """Return the scene with its arrays converted."""
-        return Scene(*map(convert, (self.seen, self.singular, self.origin, self.rotation)))
+        return type(self)(*map(convert, (self.seen, self.singular, self.origin, self.rotation)))
 
     def placed(self, answer: Float[Any, "b c"], tanh: Callable[[Any], Any] = np.tanh) -> dict[str, Any]:
         """Return what was answered as fields of `OParameters`, in the plane; `tanh` for the kind of array."""

@@ -15,7 +15,9 @@ between f0 and f1 turn through the core, whose sides F-B have p cells, and leave
 2p of counts is absorbed.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -50,6 +52,8 @@ EDGES: Final = (
     ("W", "F0", "q0"),
     ("F1", "E", "q1"),
 )
+#: Ends of the internal edges: 0-11 are vertices of the rim, 12-15 the singular points.
+ENDS: Final[np.ndarray] = np.array([[(RIM + SINGULAR).index(name) for name in edge[:2]] for edge in EDGES])
 #: Blocks 0-8 by their corners: `i` runs from the first to the second, `j` from the first to the last.
 BLOCKS: Final = (
     ("B0", "B1", "F1", "F0"),
@@ -61,6 +65,18 @@ BLOCKS: Final = (
     ("W", "F0", "t0", "TL"),
     ("F0", "F1", "t1", "t0"),
     ("F1", "E", "TR", "t1"),
+)
+#: The parameters that count the cells of each block along `i` and `j`.
+BLOCK_CELLS: Final = (
+    ("n", "p"),
+    ("q0", "below"),
+    ("p", "below"),
+    ("n", "below"),
+    ("p", "below"),
+    ("q1", "below"),
+    ("q0", "above"),
+    ("n", "above"),
+    ("q1", "above"),
 )
 
 
@@ -145,7 +161,7 @@ class CParameters:
 
 
 @dataclass(frozen=True, eq=False)
-class _Layout:
+class Layout:
     """Node ids along every side of every block, in both directions, and the grids."""
 
     path: dict[tuple[str, str], np.ndarray]
@@ -153,7 +169,7 @@ class _Layout:
     size: int
 
 
-def layout(start: int, counts: CCounts) -> _Layout:
+def layout(start: int, counts: CCounts) -> Layout:
     """Return node ids: boundary, singular points, interiors of internal edges 0-11, interiors of blocks 0-8."""
     boundary = counts.boundary
     rim = np.append(counts.rim, boundary)
@@ -177,7 +193,47 @@ def layout(start: int, counts: CCounts) -> _Layout:
         grid[1:-1, 1:-1] = size + np.arange(inner.prod()).reshape(inner)
         size += int(inner.prod())
         grids.append(grid)
-    return _Layout(path, tuple(grids), size)
+    return Layout(path, tuple(grids), size)
+
+
+def rim_parts(nodes: Float[np.ndarray, "l 2"], start: int, counts: CCounts) -> tuple[np.ndarray, ...]:
+    """Return the fractions of arc length of the boundary nodes along each of the 12 parts of the rim."""
+    rim = start + np.append(counts.rim, counts.boundary)
+    return tuple(arc_fractions(nodes[np.arange(a, b + 1) % len(nodes)]) for a, b in pairwise(rim))
+
+
+def vertices(
+    nodes: Float[np.ndarray, "l d"], singular: Float[np.ndarray, "4 d"], start: int, counts: CCounts
+) -> np.ndarray:
+    """Return the vertices of the rim, then the singular points, (16, d); `ENDS` counts in this order."""
+    return np.concatenate([nodes[(start + counts.rim) % len(nodes)], singular])
+
+
+def positions(
+    boundary: Float[np.ndarray, "l d"],
+    singular: Float[np.ndarray, "4 d"],
+    offset: Float[np.ndarray, "12 s d"],
+    plan: Layout,
+    fractions: Sequence[np.ndarray],
+) -> Float[np.ndarray, "p d"]:
+    """Return all nodes; linear in boundary, singular points and displacements of the internal edges (`curves.offsets`).
+
+    `fractions` divide the 12 parts of the rim, in any dimension `d`.
+    """
+    points = np.empty((plan.size, boundary.shape[1]))
+    points[: len(boundary)] = boundary
+    points[len(boundary) : len(boundary) + 4] = singular
+    share = {(name, RIM[(i + 1) % len(RIM)]): fractions[i] for i, name in enumerate(RIM)}
+    for (a, b, _), moved in zip(EDGES, offset, strict=True):
+        ids = plan.path[a, b]
+        share[a, b] = t = np.linspace(0, 1, len(ids))
+        points[ids] = sample(points[ids[0]], points[ids[-1]], moved, t)
+    share |= {(b, a): 1 - t[::-1] for (a, b), t in share.items()}
+    for (a, b, c, d), grid in zip(BLOCKS, plan.grids, strict=True):
+        sides = (a, b), (d, c), (a, d), (b, c)
+        curves = (points[plan.path[s]] for s in sides)
+        points[grid] = transfinite(*curves, fractions=tuple(share[s] for s in sides))
+    return points
 
 
 def instantiate_c(domain: Domain, parameters: CParameters) -> TemplateMesh:
@@ -185,28 +241,13 @@ def instantiate_c(domain: Domain, parameters: CParameters) -> TemplateMesh:
 
     Raises `InputError` if the counts do not add up to the domain's boundary nodes.
     """
-    c = parameters.counts
+    start, c = parameters.start, parameters.counts
     if c.boundary != len(domain):
         raise InputError(NAME, f"the counts need {c.boundary} boundary nodes but the domain has {len(domain)}")
-    plan = layout(parameters.start, c)
-    points = np.empty((plan.size, 2))
-    points[: len(domain)] = domain.nodes
-    points[len(domain) : len(domain) + 4] = parameters.singular
-    share = {}
-    for i, name in enumerate(RIM):
-        ends = name, RIM[(i + 1) % len(RIM)]
-        share[ends] = arc_fractions(domain.nodes[plan.path[ends]])
-    for (a, b, _), bulge in zip(EDGES, parameters.bulges, strict=True):
-        ids = plan.path[a, b]
-        t = np.linspace(0, 1, len(ids))
-        tail, head = points[ids[0]], points[ids[-1]]
-        points[ids] = sample(tail, head, offsets(tail, head, bulge), t)
-        share[a, b] = t
-    share |= {(b, a): 1 - t[::-1] for (a, b), t in share.items()}
-    for (a, b, c_, d), grid in zip(BLOCKS, plan.grids, strict=True):
-        sides = (a, b), (d, c_), (a, d), (b, c_)
-        curves = (points[plan.path[s]] for s in sides)
-        points[grid] = transfinite(*curves, fractions=tuple(share[s] for s in sides))
+    plan = layout(start, c)
+    tail, head = vertices(domain.nodes, parameters.singular, start, c)[ENDS.T]
+    moved = offsets(tail, head, parameters.bulges)
+    points = positions(domain.nodes, parameters.singular, moved, plan, rim_parts(domain.nodes, start, c))
     return TemplateMesh(points, plan.grids)
 
 
