@@ -6,6 +6,7 @@ The only other way to name the parts of the same four-sided domain is its mirror
 
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import pairwise
 from typing import Any, Final
 
 import numba
@@ -76,7 +77,7 @@ def _stiffness(divisions: int) -> tuple[Float[np.ndarray, "18 u p"], int]:
             laplacian = np.zeros((plan.size, plan.size))
             for at, line in enumerate(lines):
                 weight = 0.5 if at in {0, divisions} else 1.0
-                for a, b in zip(line[:-1], line[1:], strict=True):
+                for a, b in pairwise(line):
                     laplacian[[a, b], [a, b]] += weight
                     laplacian[[a, b], [b, a]] -= weight
             parts.append(laplacian[known:])
