@@ -151,7 +151,7 @@ def divided(rng: np.random.Generator, shape: Shape, sides: Sides) -> Float[np.nd
 
 
 def four_sided(seed: int, indices: Iterable[int], boundary: int | None = None) -> Iterator[FourSided]:
-    """Draw domains: number i of a seed is the same whichever others are drawn; 24 to 400 nodes if `boundary` is None."""
+    """Draw domains, number i of a seed is the same whichever others are drawn; 24 to 400 nodes if None."""
     for i in indices:
         rng = np.random.default_rng([seed, i])
         shape, family = drawn_shape(rng)
