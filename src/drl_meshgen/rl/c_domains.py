@@ -91,7 +91,7 @@ FAMILIES: Final = (("trapezoid", _trapezoid), ("sector", _sector), ("waved", _wa
 def drawn_shape(rng: np.random.Generator) -> tuple[Shape, str]:
     """Draw a shape, turned by any angle, its bottom at least as long as its top two times out of three, and its family.
 
-    Shapes that cross themselves or have too sharp or blunt corners are drawn again; raises `InputError` where none fits.
+    Shapes that cross themselves or have too sharp or blunt corners are drawn again; raises `InputError` if none fits.
     """
     for _ in range(MOST_DRAWS):
         name, make = FAMILIES[int(rng.integers(len(FAMILIES)))]
