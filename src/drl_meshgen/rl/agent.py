@@ -73,8 +73,8 @@ class AgentOptions:
     """Numbers of layers that are placed and judged."""
     layers_again: tuple[int, ...] = (3, 5, 8)
     """As many where none of these makes a valid mesh."""
-    sized_tried: int = 3
-    """Choices of corners that are placed where sizes are wanted."""
+    sized_tried: int = 1
+    """Choices of corners that are placed where sizes are wanted, each from the proposal and from Tutte's embedding."""
     sized_steps: int = 6
     """Steps by which a proposal then gives way to the sizes, in either of two rounds."""
     weights: Weights = field(default_factory=Weights)
@@ -125,7 +125,10 @@ class AgentPolicy:
     def _sized(
         self, domain: Domain, pairs: Int[np.ndarray, "t 2"], frame: Frame, layers: int | None, size: Size
     ) -> OParameters:
-        """Return the proposal that meets sizes best once its core is scaled and has given way to them a little."""
+        """Return the proposal that meets sizes best once its core is scaled and has given way to them a little.
+
+        Tutte's embedding is proposed as well.
+        """
         asked = min(max(layers or min(self.options.layers), LEARNT_LAYERS[0]), LEARNT_LAYERS[1])
         found = self.proposals(domain.nodes, pairs, (asked,))
         options = PlacementOptions(iterations=self.options.sized_steps)
@@ -135,9 +138,9 @@ class AgentPolicy:
         ):
             sketch = Sketch.of(domain, i0, m, SKETCHED, 3)
             wanted = lambda points: size(frame.to_world(points)) / frame.scale  # noqa: E731
-            shape = singular, bulges[:, 0].clip(-MAX_BOW, MAX_BOW)
-            start = start_of(sketch, wanted, layers, options, shape)
-            placed.append((place(sketch, wanted, layers, options, start, shape=shape), sketch))
+            for shape in ((singular, bulges[:, 0].clip(-MAX_BOW, MAX_BOW)), None):
+                start = start_of(sketch, wanted, layers, options, shape)
+                placed.append((place(sketch, wanted, layers, options, start, shape=shape), sketch))
         placement, sketch = min(placed, key=lambda pair: pair[0].energy)
         return parameters_of_placement(placement, sketch, frame.to_world(placement.singular))
 
