@@ -121,13 +121,13 @@ def test_a_file_gives_back_the_policy_and_always_has_the_same_bytes(policy, tmp_
 
 def test_files_that_are_no_policies_are_refused_by_name(tmp_path):
     path = tmp_path / "agent.safetensors"
-    with pytest.raises(InputError, match=r"agent.safetensors: no such policy file"):
+    with pytest.raises(InputError, match=r"agent.safetensors: no such file"):
         read_policy(path)
     write_policy(path, networks(16), {})
     whole = path.read_bytes()
     for cut in (0, 5, 100, len(whole) // 2, len(whole) - 1):
         path.write_bytes(whole[:cut])
-        with pytest.raises(InputError, match=r"agent.safetensors: is not a whole safetensors file"):
+        with pytest.raises(InputError, match=r"agent.safetensors is not a whole safetensors file"):
             read_policy(path)
     path.write_bytes(whole.replace(b'\\"version\\": 1', b'\\"version\\": 7'))
     with pytest.raises(InputError, match="version 7, this program reads version 1"):

@@ -27,7 +27,9 @@ def policy_named(name: str) -> Policy:
         from drl_meshgen.rl.policy_file import read_policy
 
         return read_policy(SHIPPED if name == AGENT else name)
-    raise InputError("policy", f"{name!r} is not known", f"take one of {', '.join(POLICIES)}, or a {SUFFIX} file")
+    raise InputError(
+        "policy", f"policy {name!r} is not known", f"take one of {', '.join(POLICIES)}, or a {SUFFIX} file"
+    )
 
 
 def policy_identity(name: str) -> str:

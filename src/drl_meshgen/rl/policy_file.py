@@ -19,6 +19,8 @@ from drl_meshgen.rl.scene import SEEN, VIEWED
 
 FORMAT: Final = "drl-meshgen policy"
 VERSION: Final = 1
+NAME: Final = "policy"
+"""What errors are about; a run puts its surface there, so the file is named in the sentence as well."""
 
 
 def write_policy(path: Path | str, weights: Weights, card: Mapping[str, Any]) -> None:
@@ -36,8 +38,8 @@ def read_policy(path: Path | str, options: AgentOptions | None = None) -> AgentP
     for name, shape in _shapes(weights).items():
         found = weights[name].shape if name in weights else "none"
         if found != shape or weights[name].dtype != np.float32:
-            what = f"weight {name} has shape {found}, not {shape}, or another type"
-            raise InputError(Path(path).name, what, "take a file written by this version")
+            what = f"{Path(path).name}: weight {name} has shape {found}, not {shape}, or another type"
+            raise InputError(NAME, what, "take a file written by this version")
     return AgentPolicy(weights, options)
 
 
@@ -72,16 +74,16 @@ def read_card(path: Path | str) -> dict[str, Any]:
 
 def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     if not path.is_file():
-        raise InputError(path.name, "no such policy file", "give the path of a .safetensors file")
+        raise InputError(NAME, f"{path.name}: no such file", "give the path of a .safetensors file")
     try:
         with safe_open(path, framework="numpy") as file:
             card = json.loads((file.metadata() or {}).get("card", "{}"))
             weights = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 - it is no mapping
     except (SafetensorError, ValueError) as error:
-        raise InputError(path.name, f"is not a whole safetensors file ({error})", "copy it again") from None
+        raise InputError(NAME, f"{path.name} is not a whole safetensors file ({error})", "copy it again") from None
     if not isinstance(card, dict) or card.get("format") != FORMAT:
-        raise InputError(path.name, "is a safetensors file but no policy", "take a file written by training")
+        raise InputError(NAME, f"{path.name} is a safetensors file but no policy", "take a file written by training")
     if card.get("version") != VERSION:
-        what = f"is a policy of version {card.get('version')}, this program reads version {VERSION}"
-        raise InputError(path.name, what, "train it again, or take the one that comes with the program")
+        what = f"{path.name} is a policy of version {card.get('version')}, this program reads version {VERSION}"
+        raise InputError(NAME, what, "train it again, or take the one that comes with the program")
     return weights, card
