@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 from jaxtyping import Float, Int
+from threadpoolctl import threadpool_limits
 
 from drl_meshgen.templates.mesh import grid_quads
 from drl_meshgen.templates.o_type import grids
@@ -24,7 +25,8 @@ def reference(divisions: int, layers: int) -> tuple[np.ndarray, tuple[np.ndarray
     adjacency = np.zeros((total, total))
     adjacency[pairs[:, 0], pairs[:, 1]] = adjacency[pairs[:, 1], pairs[:, 0]] = 1.0
     laplacian = np.diag(adjacency.sum(axis=1)) - adjacency
-    inner = np.linalg.solve(laplacian[size:, size:], -laplacian[size:, :size])
+    with threadpool_limits(1):  # kept for the process, so whoever comes first must not decide its last digits
+        inner = np.linalg.solve(laplacian[size:, size:], -laplacian[size:, :size])
     return np.concatenate([np.eye(size), inner]), blocks
 
 
