@@ -105,3 +105,11 @@ def test_what_does_not_fit_is_refused():
         judge_o(sample.domain.nodes[:-1], corners, layers, singular, bulges)
     with pytest.raises(InputError, match="counts do not fit"):
         judge_c(sample.domain.nodes, [CParameters(0, CCounts(1, 1, 1, 1, 1, 1), singular[0], np.zeros((12, 2)))])
+
+
+def test_quads_without_size_are_judged_not_valid():
+    sample = next(samples_of(DataSet.TEST_STANDARD, [0]))
+    judged = judge_o(sample.domain.nodes, [[0, 20]], [3], np.zeros((1, 4, 2)), np.zeros((1, 8, 2)))
+    assert not judged.valid.any()
+    assert np.isfinite(judged.reward).all()
+    assert np.isfinite(judged.penalty).all()

@@ -102,92 +102,164 @@ def _judged(found: Float[np.ndarray, "b 4"], w: Weights) -> Judged:
 
 
 def _compiled(function: Any) -> Any:
-    return numba.njit(cache=True)(function)
+    # divisions by zero give what numpy gives: checking for them would keep loops from being vectorised
+    return numba.njit(cache=True, error_model="numpy")(function)
 
 
 @_compiled
-def _defect(det: float, dot: float) -> float:
-    """Return `|pi/2 - theta|` of a corner of a quad that is not valid; reflex angles in full."""
-    theta = np.arctan2(det, dot)
-    return abs(HALF_PI - (theta + 2 * np.pi if theta < 0 else theta))
+def _arcsine(square: float) -> float:
+    """Return the arc sine of the root of a number in [0, 1], without branches (the rational function of fdlibm)."""
+    small = square < 0.25
+    root = np.sqrt(square)
+    t = square if small else 0.5 * (1 - root)
+    over = 7.91534994289814532176e-04 + t * 3.47933107596021167570e-05
+    over = 2.01212532134862925881e-01 + t * (-4.00555345006794114027e-02 + t * over)
+    over = t * (1.66666666666666657415e-01 + t * (-3.25565818622400915405e-01 + t * over))
+    under = 2.02094576023350569471e00 + t * (-6.88283971605453293030e-01 + t * 7.70381505559019352791e-02)
+    under = 1 + t * (-2.40339491173441421878e00 + t * under)
+    base = root if small else np.sqrt(t)
+    value = base + base * (over / under)
+    return value if small else HALF_PI - 2 * value
 
 
 @_compiled
-def _quad(x: tuple, y: tuple, sums: np.ndarray) -> None:
-    """Add orthogonality, Jacobian ratio and lack of one quad to `sums[:3]`; lower `sums[3]` to its least Jacobian."""
-    ax, bx, cx, dx = x[1] - x[0], x[2] - x[1], x[3] - x[2], x[0] - x[3]
-    ay, by, cy, dy = y[1] - y[0], y[2] - y[1], y[3] - y[2], y[0] - y[3]
-    aa, bb, cc, dd = ax * ax + ay * ay, bx * bx + by * by, cx * cx + cy * cy, dx * dx + dy * dy
-    det = (ay * dx - ax * dy, by * ax - bx * ay, cy * bx - cx * by, dy * cx - dx * cy)
-    dot = (ax * dx + ay * dy, bx * ax + by * ay, cx * bx + cy * by, dx * cx + dy * cy)
-    low, high = min(det[0], det[1], det[2], det[3]), max(det[0], det[1], det[2], det[3])
-    if low > 0:
-        first = max(dot[0] * dot[0] / (aa * dd), dot[1] * dot[1] / (bb * aa))
-        second = max(dot[2] * dot[2] / (cc * bb), dot[3] * dot[3] / (dd * cc))
-        sums[0] += 1 - np.arcsin(min(1.0, np.sqrt(max(first, second)))) / HALF_PI
-        sums[1] += low / high
-    else:
-        first = max(_defect(det[0], -dot[0]), _defect(det[1], -dot[1]))
-        second = max(_defect(det[2], -dot[2]), _defect(det[3], -dot[3]))
-        sums[0] += 1 - max(first, second) / HALF_PI
-    side = (np.sqrt(aa) + np.sqrt(bb) + np.sqrt(cc) + np.sqrt(dd)) / 4
-    least = low / (side * side)
-    sums[2] += max(LEAST_JACOBIAN - least, 0.0)
-    sums[3] = min(sums[3], least)
+def _row(  # noqa: PLR0917
+    x0: np.ndarray, y0: np.ndarray, x1: np.ndarray, y1: np.ndarray, figures: np.ndarray, low: np.ndarray
+) -> None:
+    """Write orthogonality, Jacobian ratio and least Jacobian of the quads between two lines, and the Jacobian itself.
+
+    Free of branches, so that it is vectorised; orthogonality and ratio are right where the Jacobian is positive.
+    """
+    worst, ratio, least = figures[0], figures[1], figures[2]
+    for j in range(len(low)):
+        ax, bx, cx, dx = x1[j] - x0[j], x1[j + 1] - x1[j], x0[j + 1] - x1[j + 1], x0[j] - x0[j + 1]
+        ay, by, cy, dy = y1[j] - y0[j], y1[j + 1] - y1[j], y0[j + 1] - y1[j + 1], y0[j] - y0[j + 1]
+        aa, bb, cc, dd = ax * ax + ay * ay, bx * bx + by * by, cx * cx + cy * cy, dx * dx + dy * dy
+        da, db, dc, de = ay * dx - ax * dy, by * ax - bx * ay, cy * bx - cx * by, dy * cx - dx * cy
+        ea, eb, ec, ed = ax * dx + ay * dy, bx * ax + by * ay, cx * bx + cy * by, dx * cx + dy * cy
+        # the larger squared cosine of two corners, compared without dividing
+        p, q, r, s = ea * ea, eb * eb, ec * ec, ed * ed
+        first = p * (bb * aa) > q * (aa * dd)
+        p, q = (p if first else q), (aa * dd if first else bb * aa)
+        second = r * (dd * cc) > s * (cc * bb)
+        r, s = (r if second else s), (cc * bb if second else dd * cc)
+        top = p * s > r * q
+        square = (p if top else r) / (q if top else s)
+        least_det, most_det = min(da, db, dc, de), max(da, db, dc, de)
+        side = (np.sqrt(aa) + np.sqrt(bb) + np.sqrt(cc) + np.sqrt(dd)) / 4
+        side = side if side > 0 else 1.0
+        low[j] = least_det
+        worst[j] = 1 - _arcsine(min(1.0, square)) / HALF_PI
+        ratio[j] = least_det / most_det
+        least[j] = least_det / (side * side)
+
+
+@_compiled
+def _folded(x: tuple, y: tuple) -> float:
+    """Return the orthogonality of a quad that is not valid."""
+    worst = 0.0
+    for c in range(4):
+        p, n = (c + 3) % 4, (c + 1) % 4
+        ax, ay, bx, by = x[n] - x[c], y[n] - y[c], x[p] - x[c], y[p] - y[c]
+        theta = np.arctan2(ax * by - ay * bx, ax * bx + ay * by)
+        worst = max(worst, abs(HALF_PI - (theta + 2 * np.pi if theta < 0 else theta)))
+    return 1 - worst / HALF_PI
+
+
+@_compiled
+def _line(  # noqa: PLR0917
+    i: int, shape: tuple, f: np.ndarray, x: np.ndarray, y: np.ndarray, u: np.ndarray, v: np.ndarray, line: np.ndarray
+) -> None:
+    """Write line `i` of a transfinite block (`templates.tfi.transfinite`); `u` and `v` are room for as many numbers."""
+    ni, nj = shape
+    start, shift, low, high = f[0, i], f[1, i] - f[0, i], f[2], f[3]
+    for j in range(nj + 1):
+        tilt = high[j] - low[j]
+        u[j] = (start + low[j] * shift) / (1.0 - shift * tilt)
+        v[j] = low[j] + u[j] * tilt
+    for side, values in ((x, line[0]), (y, line[1])):
+        bottom, top, left, right = side[0, i], side[1, i], side[2], side[3]
+        a, b, c, d = side[0, 0], side[1, 0], side[0, ni], side[1, ni]
+        for j in range(nj + 1):
+            s, t = u[j], v[j]
+            ruled = (1 - t) * bottom + t * top + (1 - s) * left[j] + s * right[j]
+            values[j] = ruled - ((1 - s) * ((1 - t) * a + t * b) + s * ((1 - t) * c + t * d))
 
 
 @_compiled
 def _block(  # noqa: PLR0917
     sides: np.ndarray, points: np.ndarray, share: np.ndarray, cells: np.ndarray, swell: np.ndarray, sums: np.ndarray
 ) -> int:
-    """Add the quads of one transfinite block (`templates.tfi.transfinite`) to `sums`; return their number."""
-    ids, ends = np.empty(4, np.int64), np.zeros(4, np.int64)
+    """Add the quads of one transfinite block to `sums`: orthogonality, Jacobian ratio, lack; return their number.
+
+    `sums[3]` falls to their least Jacobian. Lines run along the longer way, so that they are vectorised; across the
+    block that mirrors its quads, which changes back where old and new line change places.
+    """
+    ids = np.where(sides >= 0, sides, ~sides)
+    across = cells[ids[0]] > cells[ids[2]]
+    ni, nj = min(cells[ids[0]], cells[ids[2]]), max(cells[ids[0]], cells[ids[2]])
+    f, x, y = np.empty((4, nj + 1)), np.empty((4, nj + 1)), np.empty((4, nj + 1))
     for s in range(4):
-        ids[s] = sides[s] if sides[s] >= 0 else ~sides[s]
-        ends[s] = -1 if sides[s] >= 0 else cells[ids[s]]
-    ni, nj = cells[ids[0]], cells[ids[2]]
-    at, f = np.empty((4, max(ni, nj) + 1, 2)), np.empty((4, max(ni, nj) + 1))
-    for s in range(4):
-        for i in range((ni if s < 2 else nj) + 1):
-            if ends[s] < 0:
-                at[s, i], f[s, i] = points[ids[s], i], share[ids[s], i]
-            else:
-                at[s, i], f[s, i] = points[ids[s], ends[s] - i], 1 - share[ids[s], ends[s] - i]
-    inwards = np.sin(np.linspace(0, np.pi, nj + 1))
-    x, y = np.empty((2, nj + 1)), np.empty((2, nj + 1))
+        of = (s + 2) % 4 if across else s
+        count = cells[ids[of]]
+        for i in range(count + 1):
+            at = i if sides[of] >= 0 else count - i
+            x[s, i], y[s, i] = points[ids[of], at, 0], points[ids[of], at, 1]
+            f[s, i] = share[ids[of], at] if sides[of] >= 0 else 1 - share[ids[of], at]
+    shift, inwards = _swelling(swell, nj if across else ni, ni if across else nj)
+    lines, u, v = np.empty((2, 2, nj + 1)), np.empty(nj + 1), np.empty(nj + 1)
+    figures, low = np.empty((3, nj)), np.empty(nj)
+    orthogonality, ratio, lack, least = 0.0, 0.0, 0.0, sums[3]
     for i in range(ni + 1):
-        new = i % 2
-        sx, sy = 0.0, 0.0
-        for w in range(len(swell)):
-            sine = np.sin((w + 1) * np.pi * i / ni)
-            sx, sy = sx + swell[w, 0] * sine, sy + swell[w, 1] * sine
-        for j in range(nj + 1):
-            if j == 0:
-                x[new, j], y[new, j] = at[0, i]
-            elif j == nj:
-                x[new, j], y[new, j] = at[1, i]
-            elif i == 0:
-                x[new, j], y[new, j] = at[2, j]
-            elif i == ni:
-                x[new, j], y[new, j] = at[3, j]
+        old, line = lines[1 - i % 2], lines[i % 2]
+        _line(i, (ni, nj), f, x, y, u, v, line)
+        for axis in range(2 if len(swell) else 0):
+            for j in range(nj + 1):
+                line[axis, j] += shift[axis, j] * inwards[i] if across else shift[axis, i] * inwards[j]
+        # the ends exactly, as both blocks at a side have them
+        line[0, 0], line[1, 0], line[0, nj], line[1, nj] = x[0, i], y[0, i], x[1, i], y[1, i]
+        if i == 0 or i == ni:  # noqa: PLR1714 - compiled
+            line[0], line[1] = x[2 if i == 0 else 3], y[2 if i == 0 else 3]
+        if i == 0:
+            continue
+        first, second = (line, old) if across else (old, line)
+        _row(first[0], first[1], second[0], second[1], figures, low)
+        for j in range(nj):
+            if low[j] > 0:
+                orthogonality += figures[0, j]
+                ratio += figures[1, j]
             else:
-                shift, tilt = f[1, i] - f[0, i], f[3, j] - f[2, j]
-                u = (f[0, i] + f[2, j] * shift) / (1.0 - shift * tilt)
-                v = f[2, j] + u * tilt
-                for axis in range(2):
-                    ruled = (1 - v) * at[0, i, axis] + v * at[1, i, axis] + (1 - u) * at[2, j, axis]
-                    low = (1 - v) * at[0, 0, axis] + v * at[1, 0, axis]
-                    high = (1 - v) * at[0, ni, axis] + v * at[1, ni, axis]
-                    value = ruled + u * at[3, j, axis] - ((1 - u) * low + u * high)
-                    if axis == 0:
-                        x[new, j] = value + sx * inwards[j]
-                    else:
-                        y[new, j] = value + sy * inwards[j]
-        if i > 0:
-            for j in range(nj):
-                quad = (x[1 - new, j], x[new, j], x[new, j + 1], x[1 - new, j + 1])
-                _quad(quad, (y[1 - new, j], y[new, j], y[new, j + 1], y[1 - new, j + 1]), sums)
+                quad = (first[0, j], second[0, j], second[0, j + 1], first[0, j + 1])
+                orthogonality += _folded(quad, (first[1, j], second[1, j], second[1, j + 1], first[1, j + 1]))
+            lack += max(LEAST_JACOBIAN - figures[2, j], 0.0)
+            least = min(least, figures[2, j])
+    sums[0] += orthogonality
+    sums[1] += ratio
+    sums[2] += lack
+    sums[3] = least
     return int(ni * nj)
+
+
+@_compiled
+def _swelling(swell: np.ndarray, along: int, inwards: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return what a block swells by along itself, and the share of it that nodes inwards get."""
+    shift, share = np.zeros((2, along + 1)), np.zeros(inwards + 1)
+    if len(swell):
+        for i in range(1, along):
+            shift[0, i], shift[1, i] = _sines(swell, np.pi * i / along)
+        for j in range(1, inwards):
+            share[j] = np.sin(np.pi * j / inwards)
+    return shift, share
+
+
+@_compiled
+def _sines(amplitudes: np.ndarray, angle: float) -> tuple[float, float]:
+    """Return the sum of `amplitudes[w] sin((w + 1) angle)`, both coordinates."""
+    x, y, before, sine, twice = 0.0, 0.0, 0.0, np.sin(angle), 2 * np.cos(angle)
+    for w in range(len(amplitudes)):
+        x, y = x + amplitudes[w, 0] * sine, y + amplitudes[w, 1] * sine
+        before, sine = sine, twice * sine - before
+    return x, y
 
 
 @_compiled
@@ -213,10 +285,10 @@ def _edge(  # noqa: PLR0917
         height = bulge[0] * bow + bulge[1] * 1.5 * np.sqrt(3.0) * bow * (1 - 2 * t)
         points[i, 0] = (1 - t) * start[0] + t * end[0] - height * dy
         points[i, 1] = (1 - t) * start[1] + t * end[1] + height * dx
-        for w in range(len(wave)):
-            sine = np.sin((w + 1) * np.pi * t)
-            points[i, 0] += wave[w, 0] * sine
-            points[i, 1] += wave[w, 1] * sine
+        if len(wave):
+            shift = _sines(wave, np.pi * t)
+            points[i, 0] += shift[0]
+            points[i, 1] += shift[1]
 
 
 @_compiled

@@ -162,7 +162,8 @@ class Learner:
         which, corners, layers = which.ravel(), corners.reshape(-1, 2), layers.ravel()
         rim = side_samples(nodes[which], corners, PER_SIDE)
         scene = Scene.of(rim, corners[:, 1], size, layers).each(torch.as_tensor)
-        parts = scene.placed(self.placer(scene.seen), torch.tanh)
+        answers = self._answers(scene.seen, taught)
+        parts = scene.placed(answers, torch.tanh)
         m = torch.as_tensor(corners[:taught, 1])
         share = coarse.share(m, size // 2 - m, torch.as_tensor(layers[:taught]))
         coarse_rim = torch.as_tensor(rim[:taught, :: PER_SIDE // divisions])
@@ -182,6 +183,12 @@ class Learner:
                 nodes[d], corners[one], layers[one], {name: part[one] for name, part in found.items()}
             )
         return exact.reshape(shape)
+
+    def _answers(self, seen: Float[torch.Tensor, "b s"], taught: int) -> Float[torch.Tensor, "b c"]:
+        """Return answers for these scenes, with a gradient those of the first `taught` alone."""
+        with torch.no_grad():
+            rest = self.placer(seen[taught:])
+        return torch.cat([self.placer(seen[:taught]), rest])
 
     def worth(
         self,

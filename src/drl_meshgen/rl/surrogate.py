@@ -80,7 +80,10 @@ class Surrogate:
         controls = [rim, singular, offset]
         if waves is not None and swells is not None:
             controls += [waves.flatten(1, 2), swells.flatten(1, 2)]
-        return self.matrix[:, : sum(part.shape[1] for part in controls)] @ torch.cat(controls, dim=1)
+        # one product of two matrices; as a batch of them it takes several times as long
+        flat = torch.cat(controls, dim=1).transpose(0, 1)
+        made = self.matrix[:, : len(flat)] @ flat.flatten(1)
+        return made.unflatten(1, flat.shape[1:]).transpose(0, 1)
 
     def share(
         self, m: Int[torch.Tensor, " b"], n: Int[torch.Tensor, " b"], layers: Int[torch.Tensor, " b"]
