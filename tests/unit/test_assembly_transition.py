@@ -8,6 +8,7 @@ from drl_meshgen.assembly.transition import transition_fill
 from drl_meshgen.codecs import SUBDOMAINS
 from drl_meshgen.mesh import BlockMesh
 from drl_meshgen.quality import measure
+from drl_meshgen.templates import RulePolicy
 from tests.chains import run_on
 from tests.strategies import limbed_disk
 
@@ -19,7 +20,7 @@ def columns(n):
 def filled(n, m, rows=10, modulus=1.0):
     one = columns(max(n, m))
     other = Columns(0, 1, across_transition(one.theta, min(n, m)))
-    return transition_fill(*((one, other) if n > m else (other, one)), rows, modulus)
+    return transition_fill(*((one, other) if n > m else (other, one)), rows, modulus, RulePolicy())
 
 
 def welded(fill):

@@ -6,11 +6,12 @@ from safetensors.torch import load_file, save_file
 from drl_meshgen.errors import InputError
 from drl_meshgen.rl import DataSet, samples_of
 from drl_meshgen.rl.agent import AgentOptions, AgentPolicy, Proposals
-from drl_meshgen.rl.controls import PLAIN
+from drl_meshgen.rl.controls import PLAIN, SHAPED
 from drl_meshgen.rl.kernel import Judged
 from drl_meshgen.rl.learning import Bank, Learner, LearnOptions
 from drl_meshgen.rl.networks import CornerValue, Placer, weights_of
 from drl_meshgen.rl.policy_file import read_card, read_policy, write_policy
+from drl_meshgen.rl.symmetry import of_square
 from drl_meshgen.templates import Domain, instantiate
 from drl_meshgen.templates.score import reward
 
@@ -25,7 +26,7 @@ def drawn(data, count):
 
 def networks(width):
     torch.manual_seed(0)
-    return weights_of(CornerValue(32), Placer(width))
+    return weights_of({"corner": CornerValue(32), "placer": Placer(of_square(SHAPED), width)})
 
 
 @pytest.fixture(scope="module")
@@ -47,9 +48,7 @@ def trained(bank, steps, options=TINY):
 
 def test_the_same_seed_gives_the_same_weights(bank):
     one, two = (trained(bank, 3) for _ in range(2))
-    for a, b in zip(
-        weights_of(one.corner, one.placer).values(), weights_of(two.corner, two.placer).values(), strict=True
-    ):
+    for a, b in zip(weights_of(one.networks).values(), weights_of(two.networks).values(), strict=True):
         assert np.array_equal(a, b)
     other = trained(bank, 3, LearnOptions(**{**TINY.__dict__, "seed": 2}))
     assert not torch.equal(other.placer.body[0].weight, one.placer.body[0].weight)
@@ -70,7 +69,7 @@ def test_a_valid_proposal_comes_before_a_better_one_that_is_not():
     def best(reward, penalty, least):
         given = [np.array(part) for part in (reward, penalty, least)]
         judged = Judged(*given, np.zeros(len(reward)), np.zeros(len(reward)))
-        return Proposals(np.zeros((len(reward), 2), np.int64), np.zeros(len(reward), np.int64), {}, judged).best
+        return Proposals(np.zeros((len(reward), 2), np.int64), np.zeros(len(reward), np.int64), {}, judged).judged.best
 
     assert best([0.9, 0.5, 0.6], [0.1, 0.0, 0.0], [-0.1, 0.2, 0.1]) == 2
     assert best([0.9, 0.8], [0.5, 0.1], [-0.1, -0.2]) == 1
@@ -84,17 +83,20 @@ def test_what_it_chooses_is_a_valid_mesh_worth_what_was_judged(policy, index):
     found = policy.proposals(domain.nodes, policy.corners([domain.nodes], ALL)[0], (3,))
     assert mesh.valid
     assert float(reward(np.array(mesh.points), np.array(mesh.quads))) == pytest.approx(
-        found.judged.reward[found.best], abs=1e-6
+        found.judged.reward[found.judged.best], abs=1e-6
     )
 
 
 def test_where_nothing_it_proposes_is_valid_gradient_ascent_helps():
     torch.manual_seed(0)
-    placer = Placer(8, answered=PLAIN)
+    placer = Placer(of_square(PLAIN), 8)
     torch.nn.init.constant_(placer.body[-1].bias, 3.0)
     torch.nn.init.normal_(placer.body[-1].weight, 0, 3.0)
     domain = drawn(DataSet.TEST_STANDARD, 2)[1]
-    wild = AgentPolicy(weights_of(CornerValue(8), placer), AgentOptions(tried=2, tried_again=2, layers_again=(3,)))
+    wild = AgentPolicy(
+        weights_of({"corner": CornerValue(8), "placer": placer}),
+        AgentOptions(tried=2, tried_again=2, layers_again=(3,)),
+    )
     nodes = domain.nodes
     assert not wild.proposals(nodes, wild.corners([nodes], 2)[0], (3,)).judged.valid.any()
     assert instantiate(domain, wild.choose(domain)).valid

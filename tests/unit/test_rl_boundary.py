@@ -4,9 +4,11 @@ import torch
 
 from drl_meshgen.rl import DataSet, samples_of
 from drl_meshgen.rl.boundary import CONTROL_SIGNS, CONTROLS, SAMPLE_SIGNS, SAMPLES, side_samples, square_frame
+from drl_meshgen.rl.controls import SHAPED
 from drl_meshgen.rl.inference import CornerValues, Placements
 from drl_meshgen.rl.networks import CornerValue, Placer, weights_of
 from drl_meshgen.rl.scene import Scene, corner_choices, views
+from drl_meshgen.rl.symmetry import of_square
 from drl_meshgen.templates import Domain, OParameters, instantiate
 
 TURN = np.array([[0.6, 0.8], [-0.8, 0.6]])
@@ -21,7 +23,7 @@ def nodes():
 @pytest.fixture(scope="module")
 def placer():
     torch.manual_seed(0)
-    made = Placer(32)
+    made = Placer(of_square(SHAPED), 32)
     torch.nn.init.normal_(made.body[-1].weight, 0, 0.1)
     torch.nn.init.normal_(made.body[-1].bias, 0, 0.1)
     return made
@@ -102,7 +104,7 @@ def test_before_training_the_placement_is_tuttes_with_straight_lines():
     even = np.linspace(-1, 1, 16, endpoint=False)
     one = np.ones(16)
     square = np.concatenate([np.c_[even, -one], np.c_[one, even], np.c_[-even, one], np.c_[-one, -even]])
-    found = placed(Placer(8), square, 0, 16)
+    found = placed(Placer(of_square(SHAPED), 8), square, 0, 16)
     middle = found.pop("singular")
     assert middle == pytest.approx(np.abs(middle[0, 0]) * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]))
     assert not any(part.any() for part in found.values())
@@ -130,9 +132,9 @@ def test_corner_values_turn_mirror_and_renumber_with_the_domain(nodes, corner):
 
 
 def test_without_pytorch_the_networks_answer_the_same(nodes, corner, placer):
-    weights = weights_of(corner, placer)
+    weights = weights_of({"corner": corner, "placer": placer})
     _, four = corner_choices(len(nodes), 500)
     assert CornerValues(weights)(views(nodes[None])[0], four) == pytest.approx(valued(corner, nodes, four), abs=1e-5)
     seen = np.random.default_rng(0).normal(0, 1, (5, 132))
     there = placer(torch.as_tensor(seen)).detach().numpy()
-    assert Placements(weights)(seen) == pytest.approx(there, abs=1e-5)
+    assert Placements(weights, "placer", of_square(SHAPED))(seen) == pytest.approx(there, abs=1e-5)

@@ -29,7 +29,7 @@ def test_the_mirrored_domain_is_seen_and_answered_as_the_signed_permutations_say
     one = next(four_sided(TEST[0], [index]))
     c = drawn_counts(np.random.default_rng(0), one.sides)
     other = CCounts(c.q1, c.p, c.n, c.q0, c.below, c.above)
-    flipped = Domain(np.roll((one.domain.nodes * [-1, 1])[::-1], c.bottom + 1, axis=0))
+    flipped = Domain(np.roll((one.domain.nodes * [-1, 1])[::-1], c.sides.bottom + 1, axis=0))
     here, there = scene_of(one.domain, 0, c), scene_of(flipped, 0, other)
     assert there.seen == pytest.approx(here.seen[:, SEEN_COLUMNS] * SEEN_SIGNS, abs=1e-12)
     x = np.random.default_rng(1).normal(0, 0.1, (1, ANSWERED))

@@ -4,7 +4,7 @@ import pytest
 from drl_meshgen.errors import InputError
 from drl_meshgen.rl import DataSet, samples_of
 from drl_meshgen.rl.kernel import judge_c, judge_o
-from drl_meshgen.templates import CCounts, CParameters, OParameters, instantiate, instantiate_c
+from drl_meshgen.templates import CCounts, CParameters, CSides, OParameters, instantiate, instantiate_c
 from drl_meshgen.templates.c_type import rule_c
 from drl_meshgen.templates.corners import reference
 from drl_meshgen.templates.curves import LINE_TYPES
@@ -80,7 +80,7 @@ def test_c_type_meshes_are_judged_as_their_definition_says():
     top = size // 2 - 30
     chosen = []
     for start in (0, 7, 40):
-        counts = CCounts.between(size - 30 - top, top, 15)
+        counts = CCounts.between(CSides(size - 30 - top, 15, top))
         rule = rule_c(sample.domain, start, counts)
         bulges = LINE_TYPES[rng.integers(0, len(LINE_TYPES), 12)]
         chosen.append(CParameters(start, counts, rule.singular + rng.normal(0, 0.02, (4, 2)), bulges))

@@ -3,9 +3,10 @@ import pytest
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.rl import DataSet, samples_of
+from drl_meshgen.rl.ascent import Mesh, ascended
 from drl_meshgen.rl.controls import SHAPED, parts_of
 from drl_meshgen.rl.kernel import judge_o
-from drl_meshgen.rl.optimum import Mesh, OptimizerPolicy, ascended, tutte_points
+from drl_meshgen.rl.optimum import OptimizerPolicy, tutte_points
 from drl_meshgen.templates import Domain, instantiate
 from drl_meshgen.templates.score import Weights
 

@@ -132,7 +132,7 @@ def test_harvested_domains_keep_their_provenance_and_corners(tmp_path):
 
 def test_the_rim_of_a_transition_is_found_again_with_its_corners():
     counts = CCounts(2, 1, 3, 2, 2, 3)
-    side = [counts.bottom, counts.side, counts.top, counts.side]
+    side = [counts.sides.bottom, counts.sides.side, counts.sides.top, counts.sides.side]
     ends = np.array([[0, 0], [4, 0], [4, 3], [0, 3], [0, 0]], float)
     rim = np.concatenate([ends[k] + np.linspace(0, 1, n, endpoint=False)[:, None] * (ends[k + 1] - ends[k])
                           for k, n in enumerate(side)])  # fmt: skip

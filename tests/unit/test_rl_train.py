@@ -6,6 +6,7 @@ from drl_meshgen.errors import InputError
 from drl_meshgen.export import read_table
 from drl_meshgen.rl import DataSet, samples_of
 from drl_meshgen.rl import train as training
+from drl_meshgen.rl.checkpoint import read_checkpoint, write_checkpoint
 from drl_meshgen.rl.learning import Bank, Learner, LearnOptions
 from drl_meshgen.rl.networks import weights_of
 from drl_meshgen.rl.policy_file import read_card
@@ -25,14 +26,14 @@ def test_training_goes_on_from_a_checkpoint_as_if_never_interrupted(bank, tmp_pa
         straight.advance()
     for _ in range(5):
         first.advance()
-    training.write_checkpoint(tmp_path / "checkpoint.safetensors", first)
-    training.read_checkpoint(tmp_path / "checkpoint.safetensors", second)
+    write_checkpoint(tmp_path / "checkpoint.safetensors", first)
+    read_checkpoint(tmp_path / "checkpoint.safetensors", second)
     for _ in range(3):
         second.advance()
-    ends = [weights_of(one.corner, one.placer) for one in (straight, second)]
+    ends = [weights_of(one.networks) for one in (straight, second)]
     assert all(np.array_equal(ends[0][key], ends[1][key]) for key in ends[0])
     with pytest.raises(InputError, match="checkpoint of other networks"):
-        training.read_checkpoint(tmp_path / "checkpoint.safetensors", Learner(bank, LearnOptions(width=8)))
+        read_checkpoint(tmp_path / "checkpoint.safetensors", Learner(bank, LearnOptions(width=8)))
 
 
 def test_a_run_leaves_policy_early_policy_and_curve(tmp_path, monkeypatch):
@@ -40,9 +41,9 @@ def test_a_run_leaves_policy_early_policy_and_curve(tmp_path, monkeypatch):
     monkeypatch.setattr(training, "EVERY", 5)
     threads = torch.get_num_threads()
     try:
-        training.train(tmp_path, steps=10, seed=3, domains=4, threads=1)
+        training.train(tmp_path, steps=10, seed=3, domains=4, transition_steps=2, threads=1)
         before = (tmp_path / "agent.safetensors").read_bytes()
-        training.train(tmp_path, steps=10, seed=3, domains=4, threads=1)
+        training.train(tmp_path, steps=10, seed=3, domains=4, transition_steps=2, threads=1)
     finally:
         torch.set_num_threads(threads)
     curve = read_table(tmp_path / "curve.parquet")

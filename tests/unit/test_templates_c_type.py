@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from drl_meshgen.errors import InputError
-from drl_meshgen.templates import CCounts, CParameters, Domain, Outcome, fill_transition, instantiate_c
+from drl_meshgen.templates import CCounts, CParameters, CSides, Domain, Outcome, fill_transition, instantiate_c
 from drl_meshgen.templates.c_type import EDGES, layout
 
 COUNTS = [CCounts(1, 1, 1, 1, 1, 1), CCounts(4, 3, 4, 4, 3, 4), CCounts(2, 5, 3, 6, 2, 1), CCounts(1, 1, 1, 4, 1, 3)]
@@ -11,7 +11,8 @@ COUNTS = [CCounts(1, 1, 1, 1, 1, 1), CCounts(4, 3, 4, 4, 3, 4), CCounts(2, 5, 3,
 def patch(counts, height=0.6, bump=0.0):
     sides = [(0, 0, 1, 0), (1, 0, 1, height), (1, height, 0, height), (0, height, 0, 0)]
     nodes = []
-    for (x0, y0, x1, y1), count in zip(sides, (counts.bottom, counts.side, counts.top, counts.side), strict=True):
+    bottom, side, top = counts.sides
+    for (x0, y0, x1, y1), count in zip(sides, (bottom, side, top, side), strict=True):
         t = np.arange(count)[:, None] / count
         nodes.append([x0, y0] + t * [x1 - x0, y1 - y0])
     nodes = np.concatenate(nodes)
@@ -39,12 +40,12 @@ def test_sides_have_the_counts_asked_for_and_differ_by_twice_p(counts):
     valence = mesh.blocks.mesh.topology.valence[: counts.boundary]
     corners = np.nonzero(valence == 2)[0]
     assert np.diff(np.append(corners, counts.boundary)).tolist() == [
-        counts.bottom,
-        counts.side,
-        counts.top,
-        counts.side,
+        counts.sides.bottom,
+        counts.sides.side,
+        counts.sides.top,
+        counts.sides.side,
     ]
-    assert counts.bottom - counts.top == 2 * counts.p
+    assert counts.sides.bottom - counts.sides.top == 2 * counts.p
 
 
 def test_twelve_internal_edges_join_the_blocks(counts):
@@ -89,14 +90,14 @@ def test_bulges_bend_internal_edges_but_not_the_boundary():
 
 @pytest.mark.parametrize(("bottom", "top", "side"), [(12, 8, 6), (5, 3, 2), (40, 20, 9)])
 def test_balanced_counts_add_up_to_the_sides(bottom, top, side):
-    counts = CCounts.between(bottom, top, side)
-    assert (counts.bottom, counts.top, counts.side) == (bottom, top, side)
+    counts = CCounts.between(CSides(bottom, side, top))
+    assert counts.sides == (bottom, side, top)
 
 
 @pytest.mark.parametrize(("bottom", "top", "side"), [(9, 8, 4), (8, 8, 4), (6, 8, 4), (4, 2, 4), (8, 6, 1)])
 def test_counts_that_cannot_be_joined_are_refused(bottom, top, side):
     with pytest.raises(InputError):
-        CCounts.between(bottom, top, side)
+        CCounts.between(CSides(bottom, side, top))
 
 
 def test_counts_that_do_not_fit_the_boundary_are_refused():

@@ -15,7 +15,7 @@ from drl_meshgen.decompose import Cap, Layout
 from drl_meshgen.decompose.cells import Ring
 from drl_meshgen.partition import Partition
 from drl_meshgen.sizing import Sizes
-from drl_meshgen.templates import Policy, RulePolicy, fill_cap
+from drl_meshgen.templates import Policy, RulePolicy, TemplatePolicy, fill_cap
 from drl_meshgen.templates.placement import Size
 
 #: Slices of a ring over which sizes are averaged to place its rows.
@@ -79,17 +79,20 @@ class Subdomains:
     templates: pd.DataFrame
 
 
-def fill(partition: Partition, layout: Layout, policy: Policy | None = None, sizes: Sizes | None = None) -> Subdomains:
+def fill(
+    partition: Partition, layout: Layout, policy: TemplatePolicy | None = None, sizes: Sizes | None = None
+) -> Subdomains:
     """Place the nodes of all pieces in their charts.
 
     Rings get rows that are equally spaced in `h`, closer where `sizes` are small, and columns that are straight in the
     chart, so cells cannot overlap there.
-    Caps get the O-type template with parameters from `policy` (rule-based by default).
+    Caps get the O-type template with parameters from `policy` (rule-based by default), tubes that lose columns a C-type
+    transition.
     """
     policy = policy or RulePolicy()
     sizes = sizes or Sizes.of(partition.surface.mesh, layout.spacing)
     placed, corners = turned(layout, align(partition, layout))
-    rings = _ring_fills(layout, placed, sizes)
+    rings = _ring_fills(layout, placed, sizes, policy)
     caps, rows = [], []
     for cap, wanted in zip(layout.pieces.caps, corners, strict=True):
         one, row = _cap_fill(cap, partition, placed.positions[cap.curve], wanted, policy=policy, sizes=sizes)
@@ -112,7 +115,9 @@ def _strip_fills(layout: Layout) -> tuple[StripFill, ...]:
     )
 
 
-def _ring_fills(layout: Layout, placed: Alignment, sizes: Sizes) -> tuple[RingFill | TransitionFill, ...]:
+def _ring_fills(
+    layout: Layout, placed: Alignment, sizes: Sizes, policy: TemplatePolicy
+) -> tuple[RingFill | TransitionFill, ...]:
     none = np.empty(0, np.int64)
     fills: list[RingFill | TransitionFill] = []
     for junction, columns, rows in zip(layout.pieces.junctions, placed.cells, layout.cell_rows, strict=True):
@@ -124,7 +129,7 @@ def _ring_fills(layout: Layout, placed: Alignment, sizes: Sizes) -> tuple[RingFi
             heights = row_heights(tube.ring, int(r), sizes)
             fills.append(RingFill(_ruled(one.theta, two.theta, heights), one.nodes(), two.nodes()))
         else:
-            fills.append(transition_fill(one, two, int(r), tube.ring.chart.modulus))
+            fills.append(transition_fill(one, two, int(r), tube.ring.chart.modulus, policy))
     return tuple(fills)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from drl_meshgen.assembly.align import Columns, sector
-from drl_meshgen.templates import CCounts, fill_transition
+from drl_meshgen.templates import CCounts, TemplatePolicy, fill_transition
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class TransitionFill:
     grids: tuple[Int[np.ndarray, "ni1 nj1"], ...]
 
 
-def transition_fill(one: Columns, two: Columns, rows: int, modulus: float) -> TransitionFill:
+def transition_fill(one: Columns, two: Columns, rows: int, modulus: float, policy: TemplatePolicy) -> TransitionFill:
     """Fill a tube between columns `one` (h = 0) and `two` (h = 1) that differ by an even number of columns.
 
     The transition takes the sector that `across_transition` left it, next to the end with more columns; `modulus` is
@@ -54,7 +54,7 @@ def transition_fill(one: Columns, two: Columns, rows: int, modulus: float) -> Tr
     ids, places = (np.concatenate(parts) for parts in zip(*rim, strict=True))
     below = absorbed + 1 if rows > 2 * (absorbed + 1) else rows // 2
     counts = CCounts(q0=1, p=absorbed, n=absorbed, q1=1, below=below, above=rows - below)
-    patch = fill_transition(places * np.array([1.0, modulus]), 0, counts)
+    patch = fill_transition(places * np.array([1.0, modulus]), 0, counts, policy)
     new = patch.points[len(ids) :] / np.array([1.0, modulus])
     chart = np.vstack([bottom[:n], top[:m], plain.reshape(-1, 2), new])
     local = np.r_[ids, len(chart) - len(new) + np.arange(len(new))]

@@ -127,10 +127,10 @@ def front(bank: Bank, start: Mapping[str, np.ndarray], steps: int, seed: int) ->
     for share in ANGLE_WEIGHTS:
         weights = replace(Weights(), orthogonality=share, jacobian=1 - share)
         learner = Learner(bank, LearnOptions(seed=seed, steps=steps, polish=0, rate=3e-4, weights=weights))
-        load(learner.corner, learner.placer, start)
+        load(learner.networks, start)
         for _ in range(steps):
             learner.advance()
-        policy = AgentPolicy(weights_of(learner.corner, learner.placer), AgentOptions(weights=weights))
+        policy = AgentPolicy(weights_of(learner.networks), AgentOptions(weights=weights))
         for sample in samples_of(DataSet.TEST_STANDARD):
             yield {"w_orth": share} | _row(
                 sample, sample.domain, instantiate(sample.domain, policy.choose(sample.domain))

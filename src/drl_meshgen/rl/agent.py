@@ -16,6 +16,9 @@ from drl_meshgen.rl.inference import Weights as NetworkWeights
 from drl_meshgen.rl.kernel import Judged, judge_o
 from drl_meshgen.rl.optimum import OptimizerPolicy
 from drl_meshgen.rl.scene import Scene, corner_choices, views
+from drl_meshgen.rl.symmetry import of_square, of_transition
+from drl_meshgen.rl.transitions import best_transition
+from drl_meshgen.templates.c_type import CCounts, CParameters, CSides
 from drl_meshgen.templates.domain import Domain, Frame
 from drl_meshgen.templates.o_type import OParameters
 from drl_meshgen.templates.options import PlacementOptions, Size
@@ -24,6 +27,8 @@ from drl_meshgen.templates.policy import parameters_of as parameters_of_placemen
 from drl_meshgen.templates.score import Weights
 from drl_meshgen.templates.sketch import Sketch
 
+TRANSITIONS = "c_placer"
+"""Name of the weights for C-type meshes, which a policy may lack."""
 LEARNT_LAYERS = 3, 10
 """Fewest and most layers that the policy was trained on."""
 SKETCHED = 6
@@ -45,12 +50,6 @@ class Proposals:
     parts: Mapping[str, Float[np.ndarray, "b *d 2"]]
     """Continuous parameters by the fields of `OParameters`."""
     judged: Judged
-
-    @property
-    def best(self) -> int:
-        """The valid proposal of highest reward; where none is valid that of highest reward less penalty."""
-        judged = self.judged
-        return int(np.lexsort((judged.penalty - judged.reward, ~judged.valid))[0])
 
     def parameters(self, domain: Domain, which: int) -> OParameters:
         """Return a proposal as parameters for the domain itself."""
@@ -85,9 +84,11 @@ class AgentPolicy:
     """The learned policy; equal domains get equal parameters."""
 
     def __init__(self, weights: NetworkWeights, options: AgentOptions | None = None) -> None:
-        """Take the weights of both networks, by name."""
-        self.value, self.placement = CornerValues(weights), Placements(weights)
-        self.options = options or AgentOptions()
+        """Take the weights of the networks, by name."""
+        self.value, self.options = CornerValues(weights), options or AgentOptions()
+        self.placement = Placements(weights, "placer", of_square(len(weights["placer.body.6.bias"])))
+        learned = any(name.startswith(TRANSITIONS) for name in weights)
+        self.transitions = Placements(weights, TRANSITIONS, of_transition()) if learned else None
 
     def choose(
         self,
@@ -107,6 +108,15 @@ class AgentPolicy:
         with _threads().limit(limits=1):
             return self._chosen(domain, layers, size, corners)
 
+    def transition(self, domain: Domain, start: int, cells: CSides | CCounts) -> CParameters:
+        """Return the best proposal of a C-type mesh; where none is valid, the outcome of gradient ascent."""
+        if self.transitions is not None:
+            with _threads().limit(limits=1):
+                found = best_transition(self.transitions, domain, start, cells, self.options.weights)
+            if found is not None:
+                return found
+        return OptimizerPolicy(weights=self.options.weights).transition(domain, start, cells)
+
     def _chosen(
         self, domain: Domain, layers: int | None, size: Size | None, corners: tuple[int, int] | None
     ) -> OParameters:
@@ -118,8 +128,8 @@ class AgentPolicy:
         for count, values in ((o.tried, o.layers), (o.tried_again, o.layers_again)):
             pairs = np.array([corners]) if corners else self.corners([nodes], count)[0]
             found = self.proposals(nodes, pairs, values if layers is None else (layers,))
-            if found.judged.valid[found.best]:
-                return found.parameters(domain, found.best)
+            if found.judged.valid[found.judged.best]:
+                return found.parameters(domain, found.judged.best)
         return OptimizerPolicy(weights=o.weights).choose(domain, layers=layers, corners=corners)
 
     def _sized(

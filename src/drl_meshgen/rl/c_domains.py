@@ -6,14 +6,14 @@ quadrilateral, with many more nodes on one arc than on the one across.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.rl.domains import MOST_DRAWS
-from drl_meshgen.templates.c_type import CCounts
+from drl_meshgen.templates.c_type import CCounts, CSides
 from drl_meshgen.templates.domain import Domain, crossing_edges
 
 #: Points of each side of a shape before it is divided.
@@ -27,16 +27,6 @@ Shape = Float[np.ndarray, "4 k 2"]
 """Sides of a four-sided shape, anti-clockwise; each begins with its corner and ends before the next."""
 
 
-class Sides(NamedTuple):
-    """Cells of the sides of a four-sided domain whose node 0 is the bottom left corner."""
-
-    bottom: int
-    side: int
-    """Cells of the left and of the right side."""
-    top: int
-    """Fewer than at the bottom by an even number."""
-
-
 @dataclass(frozen=True, eq=False)
 class FourSided:
     """A domain with four given corners; area of the unit disk, centred."""
@@ -44,7 +34,8 @@ class FourSided:
     index: int
     family: str
     domain: Domain
-    sides: Sides
+    sides: CSides
+    """Its node 0 is the bottom left corner."""
 
 
 def _square() -> Float[np.ndarray, "4 k 2"]:
@@ -112,7 +103,7 @@ def _wide(shape: Shape) -> Float[np.ndarray, " 4"]:
     return np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1).reshape(4, -1).sum(axis=1)
 
 
-def drawn_sides(rng: np.random.Generator, shape: Shape, boundary: int) -> Sides:
+def drawn_sides(rng: np.random.Generator, shape: Shape, boundary: int) -> CSides:
     """Draw numbers of cells, `boundary` (even, at least 24) together, about as the lengths of the sides ask for."""
     length = _wide(shape)
     side = (length[1] + length[3]) / 2 * np.exp(rng.normal(0, 0.3))
@@ -120,19 +111,19 @@ def drawn_sides(rng: np.random.Generator, shape: Shape, boundary: int) -> Sides:
     rows = int(np.clip(round(half * side / (side + (length[0] + length[2]) / 2)), 2, half - 6))
     across = half - rows  # half of bottom and top
     absorbed = int(np.clip(round(across * (1 - ratio) / (1 + ratio)), 1, (across - 3)))
-    return Sides(across + absorbed, rows, across - absorbed)
+    return CSides(across + absorbed, rows, across - absorbed)
 
 
-def drawn_counts(rng: np.random.Generator, sides: Sides) -> CCounts:
+def drawn_counts(rng: np.random.Generator, sides: CSides) -> CCounts:
     """Draw what the sides leave open."""
-    n = int(np.clip(round(sides.top * rng.uniform(0.1, 0.7)), 1, sides.top - 2))
-    q0 = int(np.clip(round((sides.top - n) * rng.normal(0.5, 0.12)), 1, sides.top - n - 1))
-    below = int(np.clip(round(sides.side * rng.uniform(0.25, 0.75)), 1, sides.side - 1))
+    n = min(max(round(sides.top * rng.uniform(0.05, 0.85)), 1), sides.top - 2)
+    q0 = min(max(round((sides.top - n) * rng.uniform(0.15, 0.85)), 1), sides.top - n - 1)
+    below = min(max(round(sides.side * rng.uniform(0.1, 0.9)), 1), sides.side - 1)
     p = (sides.bottom - sides.top) // 2
     return CCounts(q0, p, n, sides.top - n - q0, below, sides.side - below)
 
 
-def divided(rng: np.random.Generator, shape: Shape, sides: Sides) -> Float[np.ndarray, "l 2"]:
+def divided(rng: np.random.Generator, shape: Shape, sides: CSides) -> Float[np.ndarray, "l 2"]:
     """Return the nodes, of unit scale; on half of the shapes evenly spaced, else denser here and there on each side."""
     nodes, uneven = [], rng.uniform() < 0.5
     for s, cells in enumerate((sides.bottom, sides.side, sides.top, sides.side)):

@@ -29,8 +29,8 @@ ANSWERED: Final = 8 + 2 * len(EDGES)
 #: Columns of the counts of cells along `i` and `j` of each block.
 CELLS: Final[np.ndarray] = np.array([[COUNTS.index(kind) for kind in pair] for pair in BLOCK_CELLS])
 #: What the mirror image calls the same: vertices of the rim, singular points, counts.
-MIRRORED: Final = dict(zip(RIM, [RIM[(5 - i) % len(RIM)] for i in range(len(RIM))], strict=True)) | dict(
-    zip(SINGULAR, ("F1", "F0", "B1", "B0"), strict=True)
+MIRRORED: Final[dict[str, str]] = dict(
+    zip((*RIM, *SINGULAR), [*(RIM[(5 - i) % len(RIM)] for i in range(len(RIM))), "F1", "F0", "B1", "B0"], strict=True)
 )
 
 
@@ -160,12 +160,12 @@ def _answered() -> np.ndarray:
     """Mirroring turns left into right, and running an edge backwards does so again and turns its S around."""
     unit = np.eye(ANSWERED)
     part = parts_of(unit)
-    ends = [edge[:2] for edge in EDGES]
+    ends: list[tuple[str, str]] = [(a, b) for a, b, _ in EDGES]
     bulged = []
     for a, b in ends:
-        pair = MIRRORED[a], MIRRORED[b]
-        backwards = pair not in ends
-        edge = ends.index(pair[::-1] if backwards else pair)
+        one, other = MIRRORED[a], MIRRORED[b]
+        backwards = (one, other) not in ends
+        edge = ends.index((other, one) if backwards else (one, other))
         bulged.append(part["bulges"][:, edge] * (np.array([1.0, -1.0]) if backwards else -1.0))
     points = _mirror_points(part["singular"], [1, 0, 3, 2])
     return np.concatenate([points, np.concatenate(bulged, axis=1)], axis=1).T

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from drl_meshgen.rl import boundary
-from drl_meshgen.rl.scene import EXTRAS, SHARES
+from drl_meshgen.rl.scene import SHARES
+from drl_meshgen.rl.symmetry import Symmetry
 
 Weights = Mapping[str, Float[np.ndarray, "..."]]
 
@@ -67,19 +67,15 @@ class CornerValues:
 class Placements:
     """`networks.Placer`."""
 
-    def __init__(self, weights: Weights) -> None:
-        """Take the weights called `placer.*`."""
-        self.body = Perceptron.of(weights, "placer.body")
-        self.answered = self.body.layers[-1][0].shape[1]
-        self._signs = boundary.CONTROL_SIGNS[:, : self.answered].astype(np.float32)
+    def __init__(self, weights: Weights, name: str, symmetry: Symmetry) -> None:
+        """Take the weights called `name.*`, and the symmetries that answers are averaged over."""
+        self.body, self.symmetry = Perceptron.of(weights, f"{name}.body"), symmetry
+        self._signs = symmetry.seen_signs.astype(np.float32), symmetry.answered_signs.astype(np.float32)
 
     def __call__(self, seen: Float[np.ndarray, "b s"]) -> Float[np.ndarray, "b c"]:
-        """Return answers for `Scene.placed`, averaged over the symmetries."""
-        x = seen.astype(np.float32)
-        turned = x[:, boundary.SAMPLES] * boundary.SAMPLE_SIGNS.astype(np.float32)
-        extras = np.broadcast_to(x[:, None, -EXTRAS:], (*turned.shape[:2], EXTRAS))
-        flat = np.concatenate([turned, extras], axis=-1).reshape(-1, turned.shape[-1] + EXTRAS)
-        answer = self.body(flat).reshape(*turned.shape[:2], -1)
-        columns = boundary.CONTROLS[None, :, : self.answered]
-        back = np.take_along_axis(answer, np.broadcast_to(columns, answer.shape), axis=2)
-        return (back * self._signs).mean(axis=1).astype(np.float64)
+        """Return answers for a scene's `placed`, averaged over the symmetries."""
+        s = self.symmetry
+        turned = seen.astype(np.float32)[:, s.seen] * self._signs[0]
+        answer = self.body(turned.reshape(-1, turned.shape[-1])).reshape(*turned.shape[:2], -1)
+        back = np.take_along_axis(answer, np.broadcast_to(s.answered[None], answer.shape), axis=2)
+        return (back * self._signs[1]).mean(axis=1).astype(np.float64)

@@ -53,6 +53,11 @@ class Judged:
         """Which meshes have none but valid quads."""
         return self.least > 0
 
+    @property
+    def best(self) -> int:
+        """The valid mesh of highest reward; where none is valid that of highest reward less penalty."""
+        return int(np.lexsort((self.penalty - self.reward, ~self.valid))[0])
+
 
 def judge_o(  # noqa: PLR0917 - what fixes a mesh, in the order of `OParameters`
     nodes: Float[np.ndarray, "l 2"],

@@ -24,6 +24,7 @@ from drl_meshgen.rl.networks import CornerValue, Placer, weights_of
 from drl_meshgen.rl.scene import Scene, corner_choices, views
 from drl_meshgen.rl.slope import Worth
 from drl_meshgen.rl.surrogate import Surrogate
+from drl_meshgen.rl.symmetry import of_square
 from drl_meshgen.templates.domain import Domain
 from drl_meshgen.templates.score import Weights
 
@@ -90,12 +91,17 @@ class Learner:
         """Set up the networks from the seed."""
         self.options, self.bank, self.step = options or LearnOptions(), bank, 0
         torch.manual_seed(self.options.seed)
-        self.corner, self.placer = CornerValue(), Placer(self.options.width, answered=self.options.answered)
+        self.corner, self.placer = CornerValue(), Placer(of_square(self.options.answered), self.options.width)
         self.optimisers = self._optimisers()
         self.coarse = {d: Surrogate(d, 3) for d in self.options.divisions}
 
     def _optimisers(self) -> list[torch.optim.Adam]:
         return [torch.optim.Adam(part.parameters(), self.options.rate) for part in (self.corner, self.placer)]
+
+    @property
+    def networks(self) -> dict[str, nn.Module]:
+        """Its networks, by the names of their weights in a policy."""
+        return {"corner": self.corner, "placer": self.placer}
 
     @property
     def polishing(self) -> bool:
@@ -226,7 +232,7 @@ class Learner:
 
     def policy(self, options: AgentOptions | None = None) -> AgentPolicy:
         """Return the policy as it is now."""
-        return AgentPolicy(weights_of(self.corner, self.placer), options)
+        return AgentPolicy(weights_of(self.networks), options)
 
 
 def examine(policy: AgentPolicy, domains: Sequence[Domain]) -> pd.DataFrame:
@@ -235,7 +241,7 @@ def examine(policy: AgentPolicy, domains: Sequence[Domain]) -> pd.DataFrame:
     for domain in domains:
         nodes = domain.frame.to_local(domain.nodes)
         found = policy.proposals(nodes, policy.corners([nodes], policy.options.tried)[0], policy.options.layers)
-        judged, best = found.judged, found.best
+        judged, best = found.judged, found.judged.best
         rows.append(
             {
                 "reward": judged.reward[best] if judged.valid[best] else 0.0,

@@ -1,10 +1,10 @@
 """The networks in PyTorch, for training; `inference` runs the same weights without it.
 
 Corner values: each node sees the boundary around it; corners and sides are pooled, and the mirrored domain counts the
-same, so turning, mirroring or renumbering the domain renumbers the values. Placement: a multi-layer perceptron answers
-how far to move from Tutte's embedding of a coarse O-grid. Its answers are averaged over the eight symmetries of the
-square, so naming, turning or mirroring the domain makes no difference. Its last layer begins at zero: training starts
-at the embedding, with straight lines.
+same, so turning, mirroring or renumbering the domain renumbers the values. Placement, of O-type and of C-type meshes:
+a multi-layer perceptron answers how far to move from Tutte's embedding of a coarse grid. Its answers are averaged over
+the ways to name the same domain, eight or two, so naming, turning or mirroring it makes no difference. Its last layer
+begins at zero: training starts at the embedding, with straight lines.
 """
 
 from collections.abc import Mapping
@@ -15,9 +15,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import nn
 
-from drl_meshgen.rl import boundary
-from drl_meshgen.rl.controls import SHAPED
-from drl_meshgen.rl.scene import EXTRAS, SEEN, SHARES, VIEWED
+from drl_meshgen.rl.scene import SHARES, VIEWED
+from drl_meshgen.rl.symmetry import Symmetry
 
 
 def mirrored(seen: Float[torch.Tensor, "b l s"]) -> Float[torch.Tensor, "b l s"]:
@@ -60,43 +59,35 @@ class CornerValue(nn.Module):
 
 
 class Placer(nn.Module):
-    """The placement policy; parameters in single precision."""
+    """A placement policy; parameters in single precision."""
 
-    def __init__(self, width: int = 384, depth: int = 3, answered: int = SHAPED) -> None:
-        """Set up `depth` hidden layers of `width` units; `answered` is `PLAIN` or `SHAPED` parameters."""
+    def __init__(self, symmetry: Symmetry, width: int = 384, depth: int = 3) -> None:
+        """Set up `depth` hidden layers of `width` units for what the symmetry permutes."""
         super().__init__()
-        self.width, self.answered = width, answered
-        sizes = [SEEN, *[width] * depth]
+        sizes = [symmetry.seen.shape[1], *[width] * depth]
         layers = [part for a, b in pairwise(sizes) for part in (nn.Linear(a, b), nn.SiLU())]
-        last = nn.Linear(width, answered)
+        last = nn.Linear(width, symmetry.answered.shape[1])
         nn.init.zeros_(last.weight)
         nn.init.zeros_(last.bias)
         self.body = nn.Sequential(*layers, last)
-        tables = boundary.SAMPLES, boundary.CONTROLS[:, :answered]
-        signs = boundary.SAMPLE_SIGNS, boundary.CONTROL_SIGNS[:, :answered]
-        self._columns, self._signs = (
-            [torch.as_tensor(one) for one in tables],
-            [torch.as_tensor(one).float() for one in signs],
-        )
+        self._columns = torch.as_tensor(symmetry.seen), torch.as_tensor(symmetry.answered)
+        self._signs = torch.as_tensor(symmetry.seen_signs).float(), torch.as_tensor(symmetry.answered_signs).float()
 
     def forward(self, seen: Float[torch.Tensor, "b s"]) -> Float[torch.Tensor, "b c"]:
-        """Return answers for `Scene.placed`, averaged over the symmetries."""
-        x = seen.float()
-        turned = x[:, self._columns[0]] * self._signs[0]  # (b, 8, samples and shares)
-        extras = x[:, None, -EXTRAS:].expand(-1, turned.shape[1], -1)
-        answer = self.body(torch.cat([turned, extras], dim=-1))
-        back = answer.gather(2, self._columns[1].expand(len(x), -1, -1))
+        """Return answers for a scene's `placed`, averaged over the symmetries."""
+        answer = self.body(seen.float()[:, self._columns[0]] * self._signs[0])  # (b, symmetries, answers)
+        back = answer.gather(2, self._columns[1].expand(len(seen), -1, -1))
         return (back * self._signs[1]).mean(dim=1).double()
 
 
-def weights_of(corner: CornerValue, placer: Placer) -> dict[str, np.ndarray]:
-    """Return the weights of both networks by name."""
-    parts = {"corner": corner.state_dict(), "placer": placer.state_dict()}
-    return {f"{part}.{name}": value.numpy().copy() for part, state in parts.items() for name, value in state.items()}
+def weights_of(networks: Mapping[str, nn.Module]) -> dict[str, np.ndarray]:
+    """Return the weights of networks, each called `network.name`."""
+    states = {part: network.state_dict() for part, network in networks.items()}
+    return {f"{part}.{name}": value.numpy().copy() for part, state in states.items() for name, value in state.items()}
 
 
-def load(corner: CornerValue, placer: Placer, weights: Mapping[str, np.ndarray]) -> None:
-    """Give weights, as `weights_of` names them, to both networks."""
-    for part, network in (("corner.", corner), ("placer.", placer)):
-        state = {k.removeprefix(part): torch.as_tensor(v) for k, v in weights.items() if k.startswith(part)}
-        network.load_state_dict(state)
+def load(networks: Mapping[str, nn.Module], weights: Mapping[str, np.ndarray]) -> None:
+    """Give networks their weights, as `weights_of` names them."""
+    for part, network in networks.items():
+        own = {k.removeprefix(f"{part}."): torch.as_tensor(v) for k, v in weights.items() if k.startswith(f"{part}.")}
+        network.load_state_dict(own)

@@ -5,7 +5,7 @@ from typing import Final
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.store.canonical import file_digest
-from drl_meshgen.templates.policy import Policy, RulePolicy
+from drl_meshgen.templates.policy import RulePolicy, TemplatePolicy
 
 AGENT: Final = "agent"
 POLICIES: Final = (AGENT, "rule", "optimizer")
@@ -15,7 +15,7 @@ SHIPPED: Final = Path(__file__).parent / "weights" / "agent.safetensors"
 """Weights of the learned policy."""
 
 
-def policy_named(name: str) -> Policy:
+def policy_named(name: str) -> TemplatePolicy:
     """Return the policy of that name, or of a policy file; raises `InputError` for what is neither."""
     if name == "rule":
         return RulePolicy()

@@ -12,7 +12,8 @@ from safetensors.numpy import save
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.export.atomic import replacing
-from drl_meshgen.rl.agent import AgentOptions, AgentPolicy
+from drl_meshgen.rl import c_scene
+from drl_meshgen.rl.agent import TRANSITIONS, AgentOptions, AgentPolicy
 from drl_meshgen.rl.controls import PLAIN, SHAPED
 from drl_meshgen.rl.inference import Weights
 from drl_meshgen.rl.scene import SEEN, VIEWED
@@ -24,7 +25,7 @@ NAME: Final = "policy"
 
 
 def write_policy(path: Path | str, weights: Weights, card: Mapping[str, Any]) -> None:
-    """Write the weights of both networks and what there is to say of them; same weights and card, same bytes."""
+    """Write the weights of the networks and what there is to say of them; same weights and card, same bytes."""
     told = {"format": FORMAT, "version": VERSION, **card}
     # one key, because the order of several is not fixed
     data = save(dict(weights), {"card": json.dumps(told, sort_keys=True)})
@@ -59,6 +60,9 @@ def _shapes(weights: Weights) -> dict[str, tuple[int, ...]]:
     perceptron("corner.choice", (2 * (last // 3) + 2, width("corner.choice.0.bias"), 1))
     hidden, answered = width("placer.body.0.bias"), width("placer.body.6.bias")
     perceptron("placer.body", (SEEN, hidden, hidden, hidden, PLAIN if answered == PLAIN else SHAPED))
+    if any(name.startswith(TRANSITIONS) for name in weights):
+        beside = width(f"{TRANSITIONS}.body.0.bias")
+        perceptron(f"{TRANSITIONS}.body", (c_scene.SEEN, beside, beside, beside, c_scene.ANSWERED))
     return shapes
 
 

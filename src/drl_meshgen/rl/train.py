@@ -7,22 +7,25 @@ import json
 import time
 from collections.abc import Sequence
 from importlib.metadata import version
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated, Any
 
 import pandas as pd
 import torch
 import typer
-from safetensors import safe_open
-from safetensors.torch import save_file
+from safetensors.numpy import load_file
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.export import read_table, write_table
-from drl_meshgen.export.atomic import replacing
+from drl_meshgen.rl.agent import TRANSITIONS
+from drl_meshgen.rl.c_learning import TransitionLearnOptions
+from drl_meshgen.rl.checkpoint import read_checkpoint, write_checkpoint
 from drl_meshgen.rl.datasets import DataSet, Sample, read_samples, samples_of, write_samples
 from drl_meshgen.rl.learning import Bank, Learner, LearnOptions, examine
-from drl_meshgen.rl.networks import load, weights_of
-from drl_meshgen.rl.policy_file import write_policy
+from drl_meshgen.rl.networks import weights_of
+from drl_meshgen.rl.policy_file import read_card, read_weights, write_policy
+from drl_meshgen.rl.train_transitions import train_transitions, transitions_in
 from drl_meshgen.templates.domain import Domain
 
 EXAMINED = 60
@@ -45,39 +48,11 @@ def drawn(path: Path, sets: Sequence[DataSet], count: int) -> dict[str, list[Dom
     return found
 
 
-def write_checkpoint(path: Path, learner: Learner) -> None:
-    """Write weights, the optimisers' moments and the step."""
-    tensors = {key: torch.as_tensor(value) for key, value in weights_of(learner.corner, learner.placer).items()}
-    for i, optimiser in enumerate(learner.optimisers):
-        for key, moments in optimiser.state_dict()["state"].items():
-            tensors |= {f"adam.{i}.{key}.{name}": value.contiguous() for name, value in moments.items()}
-    with replacing(path) as part:
-        save_file(tensors, part, {"step": str(learner.step)})
-
-
-def read_checkpoint(path: Path, learner: Learner) -> None:
-    """Continue a learner from a checkpoint; raises `InputError` where its options were others."""
-    with safe_open(path, framework="pt") as file:
-        step = int(file.metadata()["step"])
-        tensors = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118
-    here = weights_of(learner.corner, learner.placer)
-    if any(key not in tensors or tensors[key].shape != value.shape for key, value in here.items()):
-        raise InputError(path.name, "is a checkpoint of other networks", "give another folder, or delete it")
-    load(learner.corner, learner.placer, {key: tensors[key].numpy() for key in here})
-    for i, optimiser in enumerate(learner.optimisers):
-        state: dict[int, dict[str, torch.Tensor]] = {}
-        for key in (key for key in tensors if key.startswith(f"adam.{i}.")):
-            _, _, index, name = key.split(".")
-            state.setdefault(int(index), {})[name] = tensors[key]
-        optimiser.load_state_dict({"state": state, "param_groups": optimiser.state_dict()["param_groups"]})
-    learner.step = step
-
-
 def card_of(learner: Learner, domains: int, last: dict[str, float]) -> dict[str, Any]:
     """Return the model card: data, seed, versions and scores on the validation sets."""
     o = learner.options
     return {
-        "about": "O-type templates of plane domains: values of corners, placement of singular points and lines",
+        "about": "templates of plane domains: values of corners, placement of singular points and lines",
         "data": f"{domains} domains each of the sets train and train-hard",
         "seed": o.seed,
         "steps": learner.step,
@@ -96,16 +71,21 @@ def row_of(learner: Learner, worth: float, error: float, validation: dict[str, l
     return row
 
 
-def train(
+def train(  # noqa: PLR0917 - options of a command
     out: Annotated[Path, typer.Option(help="Folder of checkpoints, curve and policy.")] = Path("out/train"),
     steps: Annotated[int, typer.Option(min=1, help="Steps from nothing to the end.")] = LearnOptions.steps,
     seed: Annotated[int, typer.Option(help="Seed of weights and draws.")] = LearnOptions.seed,
     domains: Annotated[int, typer.Option(min=2, help="Training domains of each kind.")] = DataSet.TRAIN.size,
+    transition_steps: Annotated[
+        int, typer.Option(min=1, help="Steps of the placement of C-type meshes, in a process beside.")
+    ] = TransitionLearnOptions.steps,
     threads: Annotated[int, typer.Option(min=1, help="Threads; weights are the same for the same number.")] = 1,
 ) -> None:
-    """Train the policy and write `agent.safetensors`, its early self, and the learning curve."""
+    """Train the policy and write `agent.safetensors`, its early self, and the learning curves."""
     torch.set_num_threads(threads)
     out.mkdir(parents=True, exist_ok=True)
+    beside = get_context("spawn").Process(target=train_transitions, args=(out, transition_steps, seed), daemon=True)
+    beside.start()
     training = drawn(out / "domains.parquet", (DataSet.TRAIN, DataSet.TRAIN_HARD), domains)
     validation = drawn(out / "validation.parquet", (DataSet.VALIDATION, DataSet.VALIDATION_HARD), EXAMINED)
     options = LearnOptions(seed=seed, steps=steps, polish=steps * LearnOptions.polish // LearnOptions.steps)
@@ -135,9 +115,22 @@ def train(
             last = {key: value for key, value in rows[-1].items() if key.startswith("validation")}
             name = "early" if learner.step == early else "agent"
             card = card_of(learner, len(training[DataSet.TRAIN.key]), last)
-            write_policy(out / f"{name}.safetensors", weights_of(learner.corner, learner.placer), card)
+            write_policy(out / f"{name}.safetensors", weights_of(learner.networks), card)
             typer.echo(f"step {learner.step}: " + json.dumps(card["validation"]))
+    beside.join()
+    if beside.exitcode:
+        raise InputError("training", "the placement of C-type meshes ended early", "run the same command again")
+    complete(out)
     typer.echo(out / "agent.safetensors")
+
+
+def complete(out: Path) -> None:
+    """Add the weights for C-type meshes to the policy."""
+    path = out / "agent.safetensors"
+    own = {key: value for key, value in load_file(transitions_in(out)).items() if key.startswith(TRANSITIONS)}
+    last = read_table(out / "curve-transitions.parquet").iloc[-1].to_dict()
+    told = {"steps": int(last["step"]), "validation": {key: round(last[key], 4) for key in ("reward", "valid")}}
+    write_policy(path, read_weights(path) | own, read_card(path) | {"transitions": told})
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ between f0 and f1 turn through the core, whose sides F-B have p cells, and leave
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -80,6 +80,25 @@ BLOCK_CELLS: Final = (
 )
 
 
+class CSides(NamedTuple):
+    """Cells of the sides of a domain that a C-type mesh fills."""
+
+    bottom: int
+    side: int
+    """Cells of the left and of the right side, at least 2."""
+    top: int
+    """At least 3, and fewer than at the bottom by an even number."""
+
+    def checked(self) -> "CSides":
+        """Return the sides; raises `InputError` where no C-type mesh fits them."""
+        bottom, side, top = self
+        if bottom <= top or (bottom - top) % 2:
+            raise InputError(NAME, f"bottom and top have {bottom} and {top} cells", "need an even, positive difference")
+        if top < 3 or side < 2:
+            raise InputError(NAME, f"top and side have {top} and {side} cells", "at least 3 and 2 are needed")
+        return self
+
+
 @dataclass(frozen=True)
 class CCounts:
     """Numbers of cells of a C-type transition, each at least 1."""
@@ -102,38 +121,26 @@ class CCounts:
             raise InputError(NAME, f"{self}", "every count must be positive")
 
     @classmethod
-    def between(cls, bottom: int, top: int, side: int) -> "CCounts":
-        """Return balanced counts for sides of these numbers of cells; `bottom - top` must be even and positive.
+    def between(cls, sides: CSides) -> "CCounts":
+        """Return balanced counts: the middle takes about a third of the top, the singular points lie half-way up.
 
-        The middle takes about a third of the top, the singular points lie half-way up.
+        Raises `InputError` for sides that no C-type mesh fits.
         """
-        if bottom <= top or (bottom - top) % 2:
-            raise InputError(NAME, f"bottom and top have {bottom} and {top} cells", "need an even, positive difference")
-        if top < 3 or side < 2:
-            raise InputError(NAME, f"top and side have {top} and {side} cells", "at least 3 and 2 are needed")
+        bottom, side, top = sides.checked()
         n = max(1, round(top / 3))
         q0 = (top - n) // 2
         return cls(q0, (bottom - top) // 2, n, top - n - q0, side // 2, side - side // 2)
 
     @property
-    def bottom(self) -> int:
-        """Cells of the bottom side."""
-        return self.q0 + 2 * self.p + self.n + self.q1
-
-    @property
-    def top(self) -> int:
-        """Cells of the top side."""
-        return self.q0 + self.n + self.q1
-
-    @property
-    def side(self) -> int:
-        """Cells of the left and of the right side."""
-        return self.below + self.above
+    def sides(self) -> CSides:
+        """Cells of the four sides."""
+        top = self.q0 + self.n + self.q1
+        return CSides(top + 2 * self.p, self.below + self.above, top)
 
     @property
     def boundary(self) -> int:
         """Boundary nodes."""
-        return self.bottom + self.top + 2 * self.side
+        return self.sides.bottom + self.sides.top + 2 * self.sides.side
 
     @property
     def rim(self) -> Int[np.ndarray, "12"]:
@@ -231,8 +238,8 @@ def positions(
     share |= {(b, a): 1 - t[::-1] for (a, b), t in share.items()}
     for (a, b, c, d), grid in zip(BLOCKS, plan.grids, strict=True):
         sides = (a, b), (d, c), (a, d), (b, c)
-        curves = (points[plan.path[s]] for s in sides)
-        points[grid] = transfinite(*curves, fractions=tuple(share[s] for s in sides))
+        bottom, top, left, right = (share[s] for s in sides)
+        points[grid] = transfinite(*(points[plan.path[s]] for s in sides), fractions=(bottom, top, left, right))
     return points
 
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from drl_meshgen.templates.c_type import CCounts, CParameters, instantiate_c, rule_c
+from drl_meshgen.templates.c_type import CCounts, CParameters, CSides, instantiate_c
 from drl_meshgen.templates.domain import Domain
 from drl_meshgen.templates.mesh import TemplateMesh
 from drl_meshgen.templates.o_type import OParameters, instantiate
 from drl_meshgen.templates.options import Size
-from drl_meshgen.templates.policy import Policy, RulePolicy, boundary_size
+from drl_meshgen.templates.policy import Policy, RulePolicy, TemplatePolicy, boundary_size
 from drl_meshgen.templates.untangle import Outcome, untangle
 
 
@@ -54,15 +54,19 @@ def fill_cap(
 
 
 def fill_transition(
-    boundary: Float[np.ndarray, "l 2"], start: int, counts: CCounts, size: Size | None = None
+    boundary: Float[np.ndarray, "l 2"],
+    start: int,
+    cells: CSides | CCounts,
+    policy: TemplatePolicy | None = None,
+    size: Size | None = None,
 ) -> FilledPatch:
     """Return a C-type mesh of the polygon `boundary` whose node `start` is the bottom left corner.
 
-    Bottom, right, top and left side follow anti-clockwise with `counts.bottom`, `.side`, `.top`, `.side` cells. See
-    `fill_cap` for the rest.
+    Bottom, right, top and left side follow anti-clockwise with so many `cells`, or with those of all counts where these
+    are given; `policy` chooses the rest. See `fill_cap` for what else there is to say.
     """
     domain = Domain(boundary)
-    parameters = rule_c(domain, start, counts)
+    parameters = (policy or RulePolicy()).transition(domain, start, cells)
     mesh = instantiate_c(domain, parameters)
     mesh, outcome = untangle(mesh, len(domain), (size or boundary_size(domain))(mesh.points))
     return FilledPatch(mesh.points, mesh.grids, parameters, outcome)

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from drl_meshgen.errors import InputError
+from drl_meshgen.templates.c_type import CCounts, CParameters, CSides, rule_c
 from drl_meshgen.templates.corners import best_per_count, corner_pairs, rank_corners
 from drl_meshgen.templates.domain import Domain
 from drl_meshgen.templates.o_type import OParameters
@@ -29,6 +30,17 @@ class Policy(Protocol):
         """Return parameters for `domain`; `size` is the wanted edge length at points of the plane.
 
         `layers` fixes k, `corners` fixes `(i0, m)`.
+        """
+        ...
+
+
+class TemplatePolicy(Policy, Protocol):
+    """Chooses the parameters of C-type meshes as well."""
+
+    def transition(self, domain: Domain, start: int, cells: CSides | CCounts) -> CParameters:
+        """Return parameters for a domain whose node `start` is the bottom left corner.
+
+        `cells` are those of its sides, or all counts where these are settled.
         """
         ...
 
@@ -74,6 +86,10 @@ class RulePolicy:
         placed = [(place(sketch, wanted, layers, self.placement, start), sketch) for sketch in sketches]
         best_placement, sketch = min(placed, key=lambda pair: pair[0].energy)
         return parameters_of(best_placement, sketch, frame.to_world(best_placement.singular))
+
+    def transition(self, domain: Domain, start: int, cells: CSides | CCounts) -> CParameters:
+        """Return balanced counts where they are open, straight edges, and Tutte's singular points."""
+        return rule_c(domain, start, cells if isinstance(cells, CCounts) else CCounts.between(cells))
 
     def _finalists(self, domain: Domain, size: Size) -> list[tuple[int, int]]:
         """Return the choices of corners worth a descent, by two rounds on coarse meshes; the best comes first."""
