@@ -4,6 +4,7 @@ Both take the observation of `OTypeEnvironment` as tensors with a leading batch 
 the first `width` actions. Masks are the caller's business.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -46,12 +47,12 @@ class NetworkOptions:
     """Whether a state's value and the advantages of actions are told apart (Wang et al. 2016)."""
 
 
-class ActionNetwork(nn.Module):
+class ActionNetwork(nn.Module, ABC):
     """What learners ask of a network."""
 
+    @abstractmethod
     def forward(self, seen: Batch, width: int) -> Float[torch.Tensor, "b w"]:
         """Return the values of the first `width` actions."""
-        raise NotImplementedError
 
     def at(self, seen: Batch, actions: Int[torch.Tensor, " b"]) -> Float[torch.Tensor, " b"]:
         """Return the value of one action per state."""
