@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float, Int
 from threadpoolctl import ThreadpoolController
 
-from drl_meshgen.errors import InputError
 from drl_meshgen.rl.boundary import PER_SIDE, side_samples
 from drl_meshgen.rl.controls import parameters_of
 from drl_meshgen.rl.inference import CornerValues, Placements
@@ -103,8 +102,7 @@ class AgentPolicy:
         With `size`, proposals are scaled to it and judged by how well they meet it instead of by the reward.
         Raises `InputError` for an odd number of nodes.
         """
-        if len(domain) % 2:
-            raise InputError("O-type template", f"boundary has an odd number of nodes ({len(domain)})", "make it even")
+        domain.require_even()
         with _threads().limit(limits=1):
             return self._chosen(domain, layers, size, corners)
 

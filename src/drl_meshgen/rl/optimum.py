@@ -6,7 +6,6 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float, Int
 
-from drl_meshgen.errors import InputError
 from drl_meshgen.rl.ascent import Mesh, ascended
 from drl_meshgen.rl.boundary import side_samples
 from drl_meshgen.rl.controls import PLAIN, SHAPED, parameters_of, parts_of
@@ -74,8 +73,7 @@ class OptimizerPolicy:
         """
         if size is not None:
             return THOROUGH.choose(domain, layers=layers, size=size, corners=corners)
-        if len(domain) % 2:
-            raise InputError("O-type template", f"boundary has an odd number of nodes ({len(domain)})", "make it even")
+        domain.require_even()
         frame = domain.frame
         local = Domain(frame.to_local(domain.nodes))
         counts = self.layers if layers is None else (layers,)

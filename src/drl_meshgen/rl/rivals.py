@@ -5,6 +5,7 @@ share one parametrisation: `i0`, `m` and the number of layers, how far each sing
 (in radii of a disk of the domain's area), and two amplitudes of each of the eight internal edges.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -84,7 +85,7 @@ class Search:
 
 
 @dataclass(frozen=True)
-class _Rival:
+class _Rival(ABC):
     """What the optimisers have in common. A domain gets the same mesh each time: draws begin with the seed."""
 
     seed: int = 0
@@ -103,16 +104,16 @@ class _Rival:
         corners: tuple[int, int] | None = None,
     ) -> OParameters:
         """Return the best parameters found; raises `InputError` for odd numbers of nodes and for corners given."""
-        if len(domain) % 2:
-            raise InputError("O-type template", f"boundary has an odd number of nodes ({len(domain)})", "make it even")
+        domain.require_even()
         if corners is not None:
             raise InputError(type(self).__name__, "it chooses the corners itself", "take another policy")
         span = self.layers if layers is None else (layers, layers)
         search = Search(Domain(domain.frame.to_local(domain.nodes)), span, self.weights)
         return search.parameters(domain, *self._found(search, np.random.default_rng(self.seed)))
 
+    @abstractmethod
     def _found(self, search: Search, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        raise NotImplementedError
+        """Return integers and reals of the best point found."""
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,11 @@ class Domain:
         """Return the number of boundary nodes."""
         return len(self.nodes)
 
+    def require_even(self) -> None:
+        """Raise `InputError` for an odd number of nodes, which no O-type template can fill."""
+        if len(self) % 2:
+            raise InputError("O-type template", f"boundary has an odd number of nodes ({len(self)})", "make it even")
+
     @cached_property
     def edges(self) -> Float[np.ndarray, "l 2"]:
         """Edge `i` runs from node `i` to node `i + 1`."""

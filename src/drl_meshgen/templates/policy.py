@@ -6,7 +6,6 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float
 
-from drl_meshgen.errors import InputError
 from drl_meshgen.templates.c_type import CCounts, CParameters, CSides, rule_c
 from drl_meshgen.templates.corners import best_per_count, corner_pairs, rank_corners
 from drl_meshgen.templates.domain import Domain
@@ -75,8 +74,7 @@ class RulePolicy:
         corners: tuple[int, int] | None = None,
     ) -> OParameters:
         """Return the best parameters found; raises `InputError` for an odd number of boundary nodes."""
-        if len(domain) % 2:
-            raise InputError("O-type template", f"boundary has an odd number of nodes ({len(domain)})", "make it even")
+        domain.require_even()
         frame = domain.frame
         local = Domain(frame.to_local(domain.nodes))
         wanted = boundary_size(local) if size is None else lambda p: size(frame.to_world(p)) / frame.scale
