@@ -14,7 +14,8 @@ from drl_meshgen.errors import InputError
 from drl_meshgen.export import read_table, write_table
 from drl_meshgen.report.learning import ShownTable, build_learning_report
 from drl_meshgen.rl import Sample, read_samples, write_samples
-from drl_meshgen.templates import CCounts, Domain, RulePolicy, fill_transition
+from drl_meshgen.rl.c_domains import samples_of_test
+from drl_meshgen.templates import CCounts, CSides, Domain, RulePolicy, fill_transition
 
 SAMPLE = domain_named("test-standard", 1)
 
@@ -154,3 +155,13 @@ def test_thinning_keeps_the_largest_of_different_sizes():
     circle = [np.stack([np.cos(a), np.sin(a)], axis=1) for n in sizes for a in [2 * np.pi * np.arange(n) / n]]
     shapes = [("cap", "", Domain(nodes), ()) for nodes in circle]
     assert [len(shape[2]) for shape in thinned(shapes)] == [30, 28, 26]
+
+
+def test_four_sided_domains_are_judged_by_what_knows_transitions(tmp_path):
+    (sample,) = samples_of_test([1])
+    assert sample.transition == (0, CSides(28, 19, 20))
+    assert not sample.is_o_type
+    rows = judged(sample, tmp_path, ["ours", "rule", "PPO", GMSH[2]])
+    assert [row["method"] for row in rows] == ["ours", "rule"]
+    assert all(row["valid"] for row in rows)
+    assert rows[0]["reward"] > rows[1]["reward"]

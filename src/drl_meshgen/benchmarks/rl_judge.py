@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -14,7 +14,17 @@ from drl_meshgen.errors import InputError
 from drl_meshgen.rl.datasets import Sample
 from drl_meshgen.rl.plane_metrics import plane_metrics
 from drl_meshgen.rl.policies import SHIPPED, policy_named
-from drl_meshgen.templates import Domain, OParameters, RulePolicy, instantiate
+from drl_meshgen.templates import (
+    CParameters,
+    CSides,
+    Domain,
+    OParameters,
+    Policy,
+    RulePolicy,
+    TemplatePolicy,
+    instantiate,
+    instantiate_c,
+)
 
 OURS = "ours"
 POLICIES = {OURS: "agent", "rule": "rule", "gradient optimiser": "optimizer"}
@@ -26,12 +36,13 @@ SQUARE = Domain(np.array([[i, 0] for i in range(6)] + [[6, i] for i in range(6)]
                          + [[6 - i, 6] for i in range(6)] + [[0, 6 - i] for i in range(6)], float))  # fmt: skip
 """What a policy meets first, so that loading and compiling are not timed."""
 
-Choice = Callable[[Domain], OParameters]
+ON_SQUARE = CSides(8, 6, 4)
+"""Sides that its boundary can be taken for."""
 
 
 @cache
-def chooser(method: str, folder: Path) -> Choice | None:
-    """Return what chooses parameters under a name of the tables; None where its weights are not there."""
+def policy_of(method: str, folder: Path) -> Policy | None:
+    """Return the policy under a name of the tables; None where its weights are not there."""
     if method in LEARNERS:
         path = folder / f"{LEARNERS[method]}.safetensors"
         if not path.is_file():
@@ -44,14 +55,24 @@ def chooser(method: str, folder: Path) -> Choice | None:
         return None
     else:
         policy = policy_named(POLICIES[method])
+        policy.transition(SQUARE, 0, ON_SQUARE)
     policy.choose(SQUARE)
-    return policy.choose
+    return policy
+
+
+def made_by(policy: Policy | TemplatePolicy, sample: Sample) -> OParameters | CParameters | None:
+    """Return what a policy chooses for a domain, of the type that fits it; None where it knows no such template."""
+    if sample.transition is None:
+        return policy.choose(sample.domain)
+    return policy.transition(sample.domain, *sample.transition) if isinstance(policy, TemplatePolicy) else None
 
 
 def judged(sample: Sample, folder: Path, methods: Sequence[str]) -> list[Row]:
     """Return a row per method: set, index, method, cause, metrics, milliseconds of CPU (of Gmsh: inside the mesher)."""
     rows = [row for method in methods if method not in GMSH for row in _chosen(sample, method, folder)]
     asked = [method for method in PlaneMethod if method.value in methods]
+    if sample.transition:  # a grid has as many cells on opposite sides
+        asked = [method for method in asked if method is not PlaneMethod.TRANSFINITE]
     corners = RulePolicy().choose(sample.domain).corners if PlaneMethod.TRANSFINITE in asked else np.arange(4)
     for method, made in (plane_rivals(sample.domain.nodes, corners, asked) if asked else {}).items():
         if len(made.quads):
@@ -63,16 +84,18 @@ def judged(sample: Sample, folder: Path, methods: Sequence[str]) -> list[Row]:
 
 
 def _chosen(sample: Sample, method: str, folder: Path) -> list[Row]:
-    choose = chooser(method, folder)
-    if choose is None:
+    policy = policy_of(method, folder)
+    if policy is None:
         return []
     begin = time.process_time()
     try:
-        parameters = choose(sample.domain)
+        parameters = made_by(policy, sample)
     except InputError as error:
         return [_row(sample, method, {}, math.nan, str(error))]
     milliseconds = 1000 * (time.process_time() - begin)
-    mesh = instantiate(sample.domain, parameters)
+    if parameters is None:
+        return []
+    mesh = (instantiate if isinstance(parameters, OParameters) else instantiate_c)(sample.domain, parameters)
     return [
         _row(sample, method, plane_metrics(sample.domain, np.array(mesh.points), np.array(mesh.quads)), milliseconds)
     ]

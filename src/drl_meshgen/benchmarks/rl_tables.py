@@ -20,14 +20,26 @@ from drl_meshgen.benchmarks.record import Row
 from drl_meshgen.benchmarks.rl_figures import draw_figures
 from drl_meshgen.benchmarks.rl_judge import GMSH, LEARNERS, OURS, POLICIES, judged
 from drl_meshgen.benchmarks.tables import markdown, records, write_both
-from drl_meshgen.benchmarks.templates import PIPELINE, SEARCHES, SETS, domain_named, domains_of, parameters_in
+from drl_meshgen.benchmarks.templates import (
+    PIPELINE,
+    SEARCHES,
+    SETS,
+    TRANSITIONS,
+    domain_named,
+    domains_of,
+    parameters_in,
+    transitions_of,
+)
 from drl_meshgen.export import read_table, replacing
 from drl_meshgen.report.learning import TITLE, ShownTable, build_learning_report
+from drl_meshgen.rl.c_domains import TEST_NAME
 from drl_meshgen.rl.datasets import Sample
 from drl_meshgen.rl.plane_metrics import plane_metrics
 from drl_meshgen.templates import instantiate
 
 HEAD = ("set", "index", "method")
+NAMES = (*(data.key for data in SETS), PIPELINE, TEST_NAME, TRANSITIONS)
+"""Sets of domains, in the order of the tables."""
 CHOOSING = (OURS, *SEARCHES, "gradient optimiser", "rule", *LEARNERS)
 """Methods that choose template parameters, in the order of the tables."""
 CEILING = ("CMA-ES", "gradient optimiser")
@@ -209,6 +221,15 @@ HARVESTED = Plan(
     AGAINST_SEARCHES.columns,
 )
 
+TRANSITIONAL = Plan(
+    "transitions",
+    "C-type transitions",
+    "Four-sided domains with more nodes on one side than on the one across: Test-C, drawn, and patches of tubes that "
+    "lose columns, from the pipeline. Ours and the gradient optimiser choose numbers of cells as well; the latter is "
+    "the ceiling. The rule is balanced counts and Tutte's embedding.",
+    AGAINST_SEARCHES.columns,
+)
+
 
 def tables_of(folder: Path) -> list[ShownTable]:
     """Return every table whose data are in the folder."""
@@ -219,12 +240,14 @@ def tables_of(folder: Path) -> list[ShownTable]:
     if (folder / "stages.parquet").is_file():
         made.append(by_rows(LEARNED, staged(folder), "stage", rl_paper.TABLE_2))
     rows = with_ceiling(all_rows(folder))
-    drawn = [row for row in rows if row["set"] != PIPELINE]
+    drawn = [row for row in rows if row["set"] in {data.key for data in SETS}]
     harvested = [row for row in rows if row["set"] == PIPELINE]
+    transitional = [row for row in rows if row["set"] in {TEST_NAME, TRANSITIONS}]
     for plan, part, methods, printed in (
         (AGAINST_SEARCHES, drawn, CHOOSING, rl_paper.TABLE_3),
         (AGAINST_GMSH, drawn, (OURS, *GMSH), rl_paper.TABLE_4),
         (HARVESTED, harvested, (*CHOOSING, *GMSH), {}),
+        (TRANSITIONAL, transitional, (OURS, "gradient optimiser", "rule", *GMSH), {}),
     ):
         if part:
             made.append(comparison(plan, summary_of(part, methods, plan.columns), printed))
@@ -257,8 +280,8 @@ def judge(folder: Path, samples: Sequence[Sample], methods: Sequence[str], optio
         if n % 10 == 0 or ended.cause:
             sample = samples[ended.index]
             typer.echo(f"[{n}/{len(samples)}] {sample.set} {sample.index} {ended.cause}")
-    sets, order = [*(data.key for data in SETS), PIPELINE], [*POLICIES, *LEARNERS, *GMSH]
-    rows.sort(key=lambda row: (sets.index(row["set"]), row["index"], order.index(row["method"])))
+    order = [*POLICIES, *LEARNERS, *GMSH]
+    rows.sort(key=lambda row: (NAMES.index(row["set"]), row["index"], order.index(row["method"])))
     table = pd.DataFrame(rows)
     write_both(folder / "judged", table.drop(columns="ms"))
     write_both(folder / "judged-ms", table.reindex(columns=[*HEAD, "ms"]).round({"ms": 2}))
@@ -278,9 +301,8 @@ def write_page(folder: Path, tables: Sequence[ShownTable]) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Judge, and write tables, figures and the page."""
     parser = argparse.ArgumentParser(prog="python -m drl_meshgen.benchmarks.rl_tables", description=__doc__)
-    keys = [data.key for data in SETS] + [PIPELINE]
     names = [*POLICIES, *LEARNERS, *GMSH]
-    parser.add_argument("--sets", nargs="+", choices=keys, default=keys)
+    parser.add_argument("--sets", nargs="+", choices=NAMES, default=NAMES)
     parser.add_argument(
         "--methods", nargs="+", choices=names, default=names, metavar="NAME", help="rows of others stay"
     )
@@ -291,7 +313,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--drawn-only", action="store_true", help="judge nothing, use the rows there")
     given = parser.parse_args(arguments)
     if not given.drawn_only:
-        samples = domains_of(given.out, given.sets, given.limit)
+        samples = domains_of(given.out, given.sets, given.limit) + transitions_of(given.out, given.sets, given.limit)
         judge(given.out, samples, given.methods, PoolOptions(given.workers, jobs=1000))
     tables = tables_of(given.out)
     columns = (*AGAINST_SEARCHES.columns, VALIDITY, COMPLIANCE, RATIO, ERROR)

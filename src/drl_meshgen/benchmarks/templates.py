@@ -6,7 +6,7 @@ SQP, GA and CMA-ES search afresh for every domain; what they find is kept for th
 import argparse
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from drl_meshgen.benchmarks.pool import PoolOptions, run_jobs
 from drl_meshgen.benchmarks.record import Record, Row
 from drl_meshgen.benchmarks.tables import write_both
 from drl_meshgen.errors import InputError
+from drl_meshgen.rl.c_domains import TEST, TEST_NAME, samples_of_test
 from drl_meshgen.rl.datasets import DataSet, Sample, read_samples, samples_of
 from drl_meshgen.rl.plane_metrics import plane_metrics
 from drl_meshgen.rl.rivals import EvolutionPolicy, GeneticPolicy, SqpPolicy
@@ -28,6 +29,8 @@ SEARCHES: dict[str, Policy] = {"SQP": SqpPolicy(), "CMA-ES": EvolutionPolicy(), 
 SETS = (DataSet.TEST_STANDARD, DataSet.TEST_HARD)
 PIPELINE = "test-pipeline"
 """Name of the set that is harvested from the pipeline and read from a file of that name."""
+TRANSITIONS = "pipeline-transitions"
+"""Name of those of its domains that C-type templates fill."""
 HEAD = ("set", "index", "method")
 
 
@@ -54,6 +57,15 @@ def domains_of(folder: Path, names: Sequence[str], limit: int | None = None) -> 
             samples += samples_of(data, range(min(data.size, limit or data.size)))
     if PIPELINE in names and (folder / f"{PIPELINE}.parquet").is_file():
         samples += [one for one in read_samples(folder / f"{PIPELINE}.parquet") if one.is_o_type][:limit]
+    return samples
+
+
+def transitions_of(folder: Path, names: Sequence[str], limit: int | None = None) -> list[Sample]:
+    """Return the domains of the test sets of these names that C-type templates fill; harvested ones from `folder`."""
+    samples = list(samples_of_test(range(min(TEST[1], limit or TEST[1])))) if TEST_NAME in names else []
+    if TRANSITIONS in names and (folder / f"{PIPELINE}.parquet").is_file():
+        harvested = [one for one in read_samples(folder / f"{PIPELINE}.parquet") if one.transition]
+        samples += [replace(one, set=TRANSITIONS) for one in harvested[:limit]]
     return samples
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from drl_meshgen.errors import InputError
+from drl_meshgen.rl.datasets import Sample
 from drl_meshgen.rl.domains import MOST_DRAWS
 from drl_meshgen.templates.c_type import CCounts, CSides
 from drl_meshgen.templates.domain import Domain, crossing_edges
@@ -22,6 +23,7 @@ DENSE: Final = 48
 CORNERS: Final = (35.0, 150.0)
 TEST: Final = (7, 60)
 """Seed and size of Test-C."""
+TEST_NAME: Final = "test-c"
 
 Shape = Float[np.ndarray, "4 k 2"]
 """Sides of a four-sided shape, anti-clockwise; each begins with its corner and ends before the next."""
@@ -150,3 +152,11 @@ def four_sided(seed: int, indices: Iterable[int], boundary: int | None = None) -
         sides = drawn_sides(rng, shape, size)
         domain = Domain(divided(rng, shape, sides))
         yield FourSided(i, family, Domain(domain.frame.to_local(domain.nodes)), sides)
+
+
+def samples_of_test(indices: Iterable[int] | None = None) -> Iterator[Sample]:
+    """Draw Test-C, or some of it."""
+    for one in four_sided(TEST[0], range(TEST[1]) if indices is None else indices):
+        bottom, side, top = one.sides
+        corners = (0, bottom, bottom + side, bottom + side + top)
+        yield Sample(TEST_NAME, one.index, one.family, one.domain, corners=corners)

@@ -10,6 +10,7 @@ import pandas as pd
 
 from drl_meshgen.export import read_table, write_table
 from drl_meshgen.rl.domains import Difficulty, drawn_domain
+from drl_meshgen.templates.c_type import CSides
 from drl_meshgen.templates.domain import Domain
 
 COUNTS = (80, 120)
@@ -53,8 +54,20 @@ class Sample:
         """Whether the O-type template fills it: no corners are given, or opposite sides have the same counts."""
         if not self.corners:
             return len(self.domain) % 2 == 0
-        a, b, c, d = np.diff([*self.corners, self.corners[0] + len(self.domain)]).tolist()
+        a, b, c, d = self._cells
         return (a, b) == (c, d)
+
+    @property
+    def transition(self) -> tuple[int, CSides] | None:
+        """Bottom left corner and cells of the sides of a domain for C-type templates; the bottom comes first."""
+        if len(self.corners) != 4:
+            return None
+        bottom, right, top, left = self._cells
+        return (self.corners[0], CSides(bottom, right, top)) if right == left and bottom > top else None
+
+    @property
+    def _cells(self) -> list[int]:
+        return np.diff([*self.corners, self.corners[0] + len(self.domain)]).tolist()
 
 
 def samples_of(data: DataSet, indices: Iterable[int] | None = None) -> Iterator[Sample]:

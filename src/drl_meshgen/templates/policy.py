@@ -1,7 +1,7 @@
 """Who chooses a template's parameters: the protocol and the rule-based policy."""
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -33,6 +33,7 @@ class Policy(Protocol):
         ...
 
 
+@runtime_checkable
 class TemplatePolicy(Policy, Protocol):
     """Chooses the parameters of C-type meshes as well."""
 
