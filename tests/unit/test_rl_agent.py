@@ -1,15 +1,18 @@
+from dataclasses import fields
+
 import numpy as np
 import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
 from drl_meshgen.errors import InputError
-from drl_meshgen.rl import DataSet, samples_of
+from drl_meshgen.rl import DataSet, Difficulty, drawn_domain, samples_of
 from drl_meshgen.rl.agent import AgentOptions, AgentPolicy, Proposals
 from drl_meshgen.rl.controls import PLAIN, SHAPED
 from drl_meshgen.rl.kernel import Judged
 from drl_meshgen.rl.learning import Bank, Learner, LearnOptions
 from drl_meshgen.rl.networks import CornerValue, Placer, weights_of
+from drl_meshgen.rl.policies import SHIPPED, policy_named
 from drl_meshgen.rl.policy_file import read_card, read_policy, write_policy
 from drl_meshgen.rl.symmetry import of_square
 from drl_meshgen.templates import Domain, instantiate
@@ -36,7 +39,7 @@ def bank():
 
 @pytest.fixture(scope="module")
 def policy():
-    return AgentPolicy(networks(16), AgentOptions(tried=ALL))
+    return AgentPolicy(networks(16), AgentOptions(tried_first=ALL, tried=ALL))
 
 
 def trained(bank, steps, options=TINY):
@@ -87,19 +90,63 @@ def test_what_it_chooses_is_a_valid_mesh_worth_what_was_judged(policy, index):
     )
 
 
-def test_where_nothing_it_proposes_is_valid_gradient_ascent_helps():
+def wild_policy():
+    """Return one that proposes nothing but folded meshes for most domains."""
     torch.manual_seed(0)
     placer = Placer(of_square(PLAIN), 8)
     torch.nn.init.constant_(placer.body[-1].bias, 3.0)
     torch.nn.init.normal_(placer.body[-1].weight, 0, 3.0)
-    domain = drawn(DataSet.TEST_STANDARD, 2)[1]
-    wild = AgentPolicy(
+    return AgentPolicy(
         weights_of({"corner": CornerValue(8), "placer": placer}),
         AgentOptions(tried=2, tried_again=2, layers_again=(3,)),
     )
+
+
+def test_where_nothing_it_proposes_is_valid_gradient_ascent_helps():
+    domain, wild = drawn(DataSet.TEST_STANDARD, 2)[1], wild_policy()
     nodes = domain.nodes
     assert not wild.proposals(nodes, wild.corners([nodes], 2)[0], (3,)).judged.valid.any()
-    assert instantiate(domain, wild.choose(domain)).valid
+    (chosen,) = wild.choose_all([domain])
+    assert instantiate(domain, chosen).valid
+    assert same(chosen, wild.choose(domain))
+
+
+def same(a, b):
+    """Whether two sets of parameters are the same bits."""
+    return all(np.array_equal(getattr(a, field.name), getattr(b, field.name)) for field in fields(a))
+
+
+def test_a_batch_of_any_sizes_gets_what_each_gets_alone():
+    rng = np.random.default_rng(7)
+    sizes = [24, 250, *2 * rng.integers(30, 70, 70)]
+    domains = [drawn_domain(list(Difficulty)[i % 2], rng, int(size))[0] for i, size in enumerate(sizes)]
+    shipped = policy_named("agent")
+    chosen = shipped.choose_all(domains)
+    assert len(chosen) == len(domains)
+    for domain, one in zip(domains, chosen, strict=True):
+        assert same(one, shipped.choose(domain))
+    assert same(shipped.choose_all(domains[:3], layers=5)[1], shipped.choose(domains[1], layers=5))
+
+
+@pytest.mark.parametrize("again", [8, 1])
+def test_domains_that_need_other_rounds_or_gradient_ascent_keep_their_places_in_a_batch(again):
+    few = read_policy(SHIPPED, AgentOptions(tried_first=1, tried=1, tried_again=again, layers_again=(3,)))
+    domains = drawn(DataSet.TEST_HARD, 20)
+    first = few.corners([domain.nodes for domain in domains], 1)
+    valid = [few.proposals(d.nodes, pairs, (3,)).judged.valid.any() for d, pairs in zip(domains, first, strict=True)]
+    assert 0 < sum(valid) < len(valid)
+    folded = valid.index(False)
+    batch = [domains[valid.index(True)], domains[folded], domains[folded - 1]]
+    for domain, one in zip(batch, few.choose_all(batch), strict=True):
+        assert same(one, few.choose(domain))
+        assert instantiate(domain, one).valid
+
+
+def test_an_empty_batch_is_empty_and_an_odd_boundary_refused(policy):
+    assert policy.choose_all([]) == []
+    domain = drawn(DataSet.TEST_STANDARD, 1)[0]
+    with pytest.raises(InputError, match="odd number"):
+        policy.choose_all([domain, Domain(domain.nodes[1:])])
 
 
 def test_given_corners_and_layers_are_kept_and_odd_boundaries_refused(policy):

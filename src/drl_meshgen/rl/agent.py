@@ -30,6 +30,8 @@ TRANSITIONS = "c_placer"
 """Name of the weights for C-type meshes, which a policy may lack."""
 LEARNT_LAYERS = 3, 10
 """Fewest and most layers that the policy was trained on."""
+BATCH = 64
+"""Domains whose proposals are made at once."""
 SKETCHED = 6
 """Cells per side of the coarse mesh on which sizes are met."""
 
@@ -61,11 +63,13 @@ class Proposals:
 class AgentOptions:
     """How many proposals are judged."""
 
-    tried: int = 8
+    tried_first: int = 3
     """Choices of corners that are placed and judged, the most valuable first."""
+    tried: int = 8
+    """As many where none of these makes a valid mesh."""
     tried_again: int = 64
     """As many where none of these makes a valid mesh."""
-    choices: int = 600
+    choices: int = 400
     """Choices of corners whose value is computed, at most."""
     layers: tuple[int, ...] = (3,)
     """Numbers of layers that are placed and judged."""
@@ -77,6 +81,12 @@ class AgentOptions:
     """Steps by which a proposal then gives way to the sizes, in either of two rounds."""
     weights: Weights = field(default_factory=Weights)
     """Weights of the reward that proposals are judged by."""
+
+    @property
+    def rounds(self) -> tuple[tuple[int, tuple[int, ...]], ...]:
+        """Choices of corners and numbers of layers of each round; one comes if those before it had no valid mesh."""
+        first = min(self.tried_first, self.tried)
+        return (first, self.layers), (self.tried, self.layers), (self.tried_again, self.layers_again)
 
 
 class AgentPolicy:
@@ -104,7 +114,22 @@ class AgentPolicy:
         """
         domain.require_even()
         with _threads().limit(limits=1):
-            return self._chosen(domain, layers, size, corners)
+            if size is None:
+                return self._chosen([domain], layers, corners)[0]
+            nodes = domain.frame.to_local(domain.nodes)
+            pairs = np.array([corners]) if corners else self.corners([nodes], self.options.sized_tried)[0]
+            return self._sized(Domain(nodes), pairs, domain.frame, layers, size)
+
+    def choose_all(self, domains: Sequence[Domain], *, layers: int | None = None) -> list[OParameters]:
+        """Return what `choose` returns for every domain, bit by bit, in less time; they may differ in size.
+
+        Raises `InputError` for an odd number of nodes.
+        """
+        for domain in domains:
+            domain.require_even()
+        with _threads().limit(limits=1):
+            batches = (domains[i : i + BATCH] for i in range(0, len(domains), BATCH))
+            return [chosen for batch in batches for chosen in self._chosen(batch, layers, None)]
 
     def transition(self, domain: Domain, start: int, cells: CSides | CCounts) -> CParameters:
         """Return the best proposal of a C-type mesh; where none is valid, the outcome of gradient ascent."""
@@ -116,19 +141,24 @@ class AgentPolicy:
         return OptimizerPolicy(weights=self.options.weights).transition(domain, start, cells)
 
     def _chosen(
-        self, domain: Domain, layers: int | None, size: Size | None, corners: tuple[int, int] | None
-    ) -> OParameters:
-        nodes = domain.frame.to_local(domain.nodes)
+        self, domains: Sequence[Domain], layers: int | None, corners: tuple[int, int] | None
+    ) -> list[OParameters]:
         o = self.options
-        if size is not None:
-            pairs = np.array([corners]) if corners else self.corners([nodes], o.sized_tried)[0]
-            return self._sized(Domain(nodes), pairs, domain.frame, layers, size)
-        for count, values in ((o.tried, o.layers), (o.tried_again, o.layers_again)):
-            pairs = np.array([corners]) if corners else self.corners([nodes], count)[0]
-            found = self.proposals(nodes, pairs, values if layers is None else (layers,))
-            if found.judged.valid[found.judged.best]:
-                return found.parameters(domain, found.judged.best)
-        return OptimizerPolicy(weights=o.weights).choose(domain, layers=layers, corners=corners)
+        nodes = [domain.frame.to_local(domain.nodes) for domain in domains]
+        ranked = [np.array([corners])] * len(nodes) if corners else self.corners(nodes, max(o.tried, o.tried_again))
+        chosen: dict[int, OParameters] = {}
+        for count, values in o.rounds:
+            left = [i for i in range(len(nodes)) if i not in chosen]
+            pairs = [ranked[i][:count] for i in left]
+            found = self.proposals_of_all([nodes[i] for i in left], pairs, values if layers is None else (layers,))
+            for i, proposals in zip(left, found, strict=True):
+                if proposals.judged.valid[best := proposals.judged.best]:
+                    chosen[i] = proposals.parameters(domains[i], best)
+        last = OptimizerPolicy(weights=o.weights)
+        return [
+            chosen[i] if i in chosen else last.choose(domain, layers=layers, corners=corners)
+            for i, domain in enumerate(domains)
+        ]
 
     def _sized(
         self, domain: Domain, pairs: Int[np.ndarray, "t 2"], frame: Frame, layers: int | None, size: Size
@@ -165,9 +195,31 @@ class AgentPolicy:
         self, nodes: Float[np.ndarray, "l 2"], pairs: Int[np.ndarray, "t 2"], layers: Sequence[int]
     ) -> Proposals:
         """Place and judge every choice of corners with every number of layers."""
-        k = np.repeat(np.array(layers), len(pairs))
-        rim = side_samples(np.ascontiguousarray(nodes)[None], pairs, PER_SIDE)
-        corners = np.tile(pairs, (len(layers), 1))
-        scene = Scene.of(np.tile(rim, (len(layers), 1, 1)), corners[:, 1], len(nodes), k)
-        parts = scene.placed(self.placement(scene.seen))
-        return Proposals(corners, k, parts, judge_o(nodes, corners, k, weights=self.options.weights, **parts))
+        return self.proposals_of_all([nodes], [pairs], layers)[0]
+
+    def proposals_of_all(
+        self,
+        domains: Sequence[Float[np.ndarray, "l 2"]],
+        pairs: Sequence[Int[np.ndarray, "t 2"]],
+        layers: Sequence[int],
+    ) -> list[Proposals]:
+        """Return `proposals` of several domains, each with its choices of corners."""
+        if not domains:
+            return []
+        corners = [np.tile(few, (len(layers), 1)) for few in pairs]
+        k = [np.repeat(np.array(layers), len(few)) for few in pairs]
+        rims = [
+            side_samples(np.ascontiguousarray(nodes)[None], few, PER_SIDE)
+            for nodes, few in zip(domains, corners, strict=True)
+        ]
+        counts = [len(few) for few in corners]
+        size = np.repeat([len(nodes) for nodes in domains], counts)
+        scene = Scene.of(np.concatenate(rims), np.concatenate(corners)[:, 1], size, np.concatenate(k))
+        placed = scene.placed(self.placement(scene.seen, counts))
+        found, start = [], 0
+        for nodes, few, values in zip(domains, corners, k, strict=True):
+            parts = {name: part[start : start + len(few)] for name, part in placed.items()}
+            judged = judge_o(nodes, few, values, weights=self.options.weights, **parts)
+            found.append(Proposals(few, values, parts, judged))
+            start += len(few)
+        return found

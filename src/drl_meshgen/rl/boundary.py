@@ -56,7 +56,7 @@ def square_frame(
     has length 1. Corners whose best square is a point keep their axes.
     """
     corner = rim[:, :: rim.shape[1] // 4]
-    fit = corner @ np.array([-1 + 1j, 1 + 1j, 1 - 1j, -1 - 1j])
+    fit = (corner * np.array([-1 + 1j, 1 + 1j, 1 - 1j, -1 - 1j])).sum(axis=1)
     small = np.abs(fit) < 1e-12
     direction = np.where(small, 1.0, fit) / np.where(small, 1.0, np.abs(fit))
     return rim.mean(axis=1, keepdims=True), direction[:, None]

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
 
+import numba
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -54,16 +55,28 @@ def corner_choices(size: int, most: int) -> tuple[Int[np.ndarray, "c 2"], Int[np
 
 def views(nodes: Float[np.ndarray, "b l 2"]) -> Float[np.ndarray, "b l s"]:
     """Return what each node of domains of unit scale sees."""
-    z = nodes[..., 0] + 1j * nodes[..., 1]
-    size = z.shape[1]
-    tangent = np.roll(z, -1, axis=1) - np.roll(z, 1, axis=1)
-    spacing = np.abs(tangent) / 2
-    tangent = tangent / np.abs(tangent)
-    steps = np.maximum(1, np.round(np.array(SHARES) * size).astype(np.int64))
-    index = np.arange(size)[:, None] + np.concatenate([steps, -steps])
-    local = (z[:, index % size] - z[..., None]) / tangent[..., None]
-    extras = np.stack([np.log(spacing * size / 8), np.full(spacing.shape, np.log(size / 100))], axis=-1)
-    return np.concatenate([local.real, local.imag, extras], axis=-1)
+    steps = np.maximum(1, np.round(np.array(SHARES) * nodes.shape[1]).astype(np.int64))
+    return _views(np.ascontiguousarray(nodes, np.float64), np.concatenate([steps, -steps]))
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _views(nodes: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    size, count = nodes.shape[1], len(steps)
+    result = np.empty((len(nodes), size, 2 * count + 2))
+    for b in range(len(nodes)):
+        for i in range(size):
+            here, tail, head = nodes[b, i], nodes[b, i - 1], nodes[b, (i + 1) % size]
+            tx, ty = head[0] - tail[0], head[1] - tail[1]
+            length = np.hypot(tx, ty)
+            tx, ty = tx / length, ty / length
+            for k in range(count):
+                seen = nodes[b, (i + steps[k]) % size]
+                dx, dy = seen[0] - here[0], seen[1] - here[1]
+                result[b, i, k] = dx * tx + dy * ty
+                result[b, i, count + k] = dy * tx - dx * ty
+            result[b, i, 2 * count] = np.log(length / 2 * size / 8)
+            result[b, i, 2 * count + 1] = np.log(size / 100)
+    return result
 
 
 EXTRAS: Final = 2
@@ -93,7 +106,7 @@ class Scene:
         cls,
         rim: Float[np.ndarray, "b r 2"],
         m: Int[np.ndarray, " b"],
-        size: int,
+        size: Int[np.ndarray, " b"] | int,
         layers: Int[np.ndarray, " b"] | int,
     ) -> "Scene":
         """Look at domains of unit scale with `size` nodes; `rim` as `side_samples` gives it."""

@@ -77,9 +77,9 @@ class Domain:
     @cached_property
     def frame(self) -> "Frame":
         """Similarity that centres the area and scales it to that of the unit disk."""
-        x, y = (self.nodes - self.nodes[0]).T
-        weight = x * np.roll(y, -1) - np.roll(x, -1) * y
-        centre = np.array([(weight * (x + np.roll(x, -1))).sum(), (weight * (y + np.roll(y, -1))).sum()])
+        local = self.nodes - self.nodes[0]
+        ahead = np.concatenate([local[1:], local[:1]])
+        centre = cross(local, ahead) @ (local + ahead)
         return Frame(self.nodes[0] + centre / (6 * self.area), float(np.sqrt(self.area / np.pi)))
 
 
