@@ -131,7 +131,7 @@ def test_a_batch_of_any_sizes_gets_what_each_gets_alone():
 @pytest.mark.parametrize("again", [8, 1])
 def test_domains_that_need_other_rounds_or_gradient_ascent_keep_their_places_in_a_batch(again):
     few = read_policy(SHIPPED, AgentOptions(tried_first=1, tried=1, tried_again=again, layers_again=(3,)))
-    domains = drawn(DataSet.TEST_HARD, 20)
+    domains = drawn(DataSet.TEST_HARD, 40)
     first = few.corners([domain.nodes for domain in domains], 1)
     valid = [few.proposals(d.nodes, pairs, (3,)).judged.valid.any() for d, pairs in zip(domains, first, strict=True)]
     assert 0 < sum(valid) < len(valid)
