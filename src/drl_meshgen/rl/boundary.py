@@ -18,6 +18,27 @@ PER_SIDE: Final = 16
 
 
 @numba.njit(cache=True)
+def sample_run(loop: np.ndarray, first: int, cells: int, run: np.ndarray, samples: np.ndarray) -> None:
+    """Fill `samples (k, 2)` with points at equal arc length along `cells` edges of a loop, the first node among them.
+
+    `loop (l, 2)`, starting at node `first` modulo l; `run` is room for `cells + 1` arc lengths.
+    """
+    size, count = len(loop), len(samples)
+    run[0] = 0.0
+    for i in range(cells):
+        tail, head = loop[(first + i) % size], loop[(first + i + 1) % size]
+        run[i + 1] = run[i] + np.hypot(head[0] - tail[0], head[1] - tail[1])
+    i = 0
+    for t in range(count):
+        at = run[cells] * t / count
+        while i < cells - 1 and run[i + 1] <= at:
+            i += 1
+        share = (at - run[i]) / (run[i + 1] - run[i])
+        tail, head = loop[(first + i) % size], loop[(first + i + 1) % size]
+        samples[t] = (1 - share) * tail + share * head
+
+
+@numba.njit(cache=True)
 def side_samples(nodes: np.ndarray, corners: np.ndarray, per_side: int) -> np.ndarray:
     """Return `(b, 4 per_side, 2)` points at equal arc length along each side, the side's first corner among them.
 
@@ -31,18 +52,7 @@ def side_samples(nodes: np.ndarray, corners: np.ndarray, per_side: int) -> np.nd
         first = corners[b, 0] + size
         for s in range(4):
             cells = corners[b, 1] if s % 2 == 0 else size // 2 - corners[b, 1]
-            run[0] = 0.0
-            for i in range(cells):
-                tail, head = loop[(first + i) % size], loop[(first + i + 1) % size]
-                run[i + 1] = run[i] + np.hypot(head[0] - tail[0], head[1] - tail[1])
-            i = 0
-            for t in range(per_side):
-                at = run[cells] * t / per_side
-                while i < cells - 1 and run[i + 1] <= at:
-                    i += 1
-                share = (at - run[i]) / (run[i + 1] - run[i])
-                tail, head = loop[(first + i) % size], loop[(first + i + 1) % size]
-                result[b, s * per_side + t] = (1 - share) * tail + share * head
+            sample_run(loop, first, cells, run, result[b, s * per_side : (s + 1) * per_side])
             first += cells
     return result
 

@@ -13,7 +13,7 @@ import numba
 import numpy as np
 from jaxtyping import Float, Int
 
-from drl_meshgen.rl.boundary import signed_permutation, square_frame
+from drl_meshgen.rl.boundary import sample_run, signed_permutation, square_frame
 from drl_meshgen.rl.scene import MOST_BULGE, Scene
 from drl_meshgen.templates.c_type import BLOCK_CELLS, EDGES, RIM, SINGULAR, CCounts, layout
 
@@ -48,18 +48,7 @@ def part_samples(nodes: np.ndarray, start: np.ndarray, rims: np.ndarray, per_par
         for s in range(parts):
             first = start[b] + rims[b, s]
             cells = (rims[b, s + 1] if s < parts - 1 else size) - rims[b, s]
-            run[0] = 0.0
-            for i in range(cells):
-                tail, head = loop[(first + i) % size], loop[(first + i + 1) % size]
-                run[i + 1] = run[i] + np.hypot(head[0] - tail[0], head[1] - tail[1])
-            i = 0
-            for t in range(per_part):
-                at = run[cells] * t / per_part
-                while i < cells - 1 and run[i + 1] <= at:
-                    i += 1
-                share = (at - run[i]) / (run[i + 1] - run[i])
-                tail, head = loop[(first + i) % size], loop[(first + i + 1) % size]
-                result[b, s * per_part + t] = (1 - share) * tail + share * head
+            sample_run(loop, first, cells, run, result[b, s * per_part : (s + 1) * per_part])
     return result
 
 
