@@ -165,3 +165,12 @@ def test_four_sided_domains_are_judged_by_what_knows_transitions(tmp_path):
     assert [row["method"] for row in rows] == ["ours", "rule"]
     assert all(row["valid"] for row in rows)
     assert rows[0]["reward"] > rows[1]["reward"]
+
+
+def test_ours_is_timed_in_a_batch_as_well(tmp_path, monkeypatch):
+    monkeypatch.setattr("drl_meshgen.benchmarks.rl_tables.run_jobs", in_this_process)
+    assert make_tables(["--sets", "test-standard", "--limit", "2", "--methods", "ours", "--out", str(tmp_path)]) == 0
+    times = read_table(tmp_path / "judged-ms.parquet")
+    assert (times["ms_64"] > 0).all()
+    assert "ms_64" not in read_table(tmp_path / "judged.parquet")
+    assert "ms in a batch of 64" in (tmp_path / "tables.md").read_text("utf-8")

@@ -11,9 +11,11 @@ import numpy as np
 from drl_meshgen.baselines.plane import PlaneMethod, plane_rivals
 from drl_meshgen.benchmarks.record import Row
 from drl_meshgen.errors import InputError
+from drl_meshgen.rl.agent import BATCH
 from drl_meshgen.rl.datasets import Sample
 from drl_meshgen.rl.plane_metrics import plane_metrics
 from drl_meshgen.rl.policies import SHIPPED, policy_named
+from drl_meshgen.rl.policy_file import read_policy
 from drl_meshgen.templates import (
     CParameters,
     CSides,
@@ -27,6 +29,8 @@ from drl_meshgen.templates import (
 )
 
 OURS = "ours"
+REPEATS = 5
+"""How often a batch is timed."""
 POLICIES = {OURS: "agent", "rule": "rule", "gradient optimiser": "optimizer"}
 """Policies by their names in the tables."""
 LEARNERS = {"Double DQN (the paper's)": "dqn", "Rainbow-type DQN": "rainbow", "PPO": "ppo"}
@@ -81,6 +85,25 @@ def judged(sample: Sample, folder: Path, methods: Sequence[str]) -> list[Row]:
         else:
             rows.append(_row(sample, method.value, {}, math.nan, made.outcome.value))
     return rows
+
+
+def milliseconds_in_batch(samples: Sequence[Sample]) -> float:
+    """Return milliseconds of CPU per domain of our choice of parameters in batches of `BATCH`; the best of several.
+
+    NaN where there are no weights, or no domains with an even number of nodes.
+    """
+    domains = [sample.domain for sample in samples if len(sample.domain) % 2 == 0]
+    if not domains or not SHIPPED.is_file():
+        return math.nan
+    policy, taken = read_policy(SHIPPED), []
+    policy.choose_all(domains[:1])
+    for _ in range(REPEATS):
+        # domains anew, as they remember what was computed
+        batch = [Domain(domains[i % len(domains)].nodes) for i in range(BATCH)]
+        begin = time.process_time()
+        policy.choose_all(batch)
+        taken.append(1000 * (time.process_time() - begin) / BATCH)
+    return min(taken)
 
 
 def _chosen(sample: Sample, method: str, folder: Path) -> list[Row]:

@@ -113,13 +113,12 @@ def signed_area(nodes: Float[np.ndarray, "l 2"]) -> float:
 def crossing_edges(nodes: Float[np.ndarray, "l 2"]) -> np.ndarray:
     """Return pairs `(e, f)`, `e < f`, of non-adjacent edges of a closed polygon that touch or cross."""
     n = len(nodes)
-    first, second = np.triu_indices(n, 2)
-    keep = (first > 0) | (second < n - 1)
-    first, second = first[keep], second[keep]
-    low = np.minimum(nodes, np.roll(nodes, -1, axis=0))
-    high = np.maximum(nodes, np.roll(nodes, -1, axis=0))
-    near = ((low[first] <= high[second]) & (low[second] <= high[first])).all(axis=1)
-    first, second = first[near], second[near]
+    ahead = np.concatenate([nodes[1:], nodes[:1]])
+    low, high = np.minimum(nodes, ahead), np.maximum(nodes, ahead)
+    below = (low[:, None, 0] <= high[:, 0]) & (low[:, None, 1] <= high[:, 1])
+    first, second = np.nonzero(np.triu(below & below.T, 2))
+    apart = (first > 0) | (second < n - 1)
+    first, second = first[apart], second[apart]
     a, b = nodes[first], nodes[(first + 1) % n]
     c, d = nodes[second], nodes[(second + 1) % n]
     across = cross(b - a, c - a) * cross(b - a, d - a) <= 0
