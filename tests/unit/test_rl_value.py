@@ -200,6 +200,16 @@ def test_same_seed_same_weights_also_when_interrupted(choice, monkeypatch, tmp_p
     assert len(read_table(tmp_path / "whole" / "curve-seconds.parquet")) == len(curve)
     assert list((tmp_path / "whole" / "tensorboard").iterdir())
     assert "policy.safetensors" in capsys.readouterr().out
+    checkpoints = [tmp_path / folder / "checkpoint.safetensors" for folder in ("whole", "parts")]
+    first, second = map(safetensors.torch.load_file, checkpoints)
+    assert first.keys() == second.keys()
+    assert all(torch.equal(first[key], second[key]) for key in first)
+    checkpoints[1].write_bytes(checkpoints[1].read_bytes()[:-100])
+    with pytest.raises(InputError, match=r"checkpoint\.safetensors: is no whole checkpoint"):
+        run(tmp_path / "parts", choice, 2 * steps, data)
+    other_choice = Choice.DQN if choice is Choice.PPO else Choice.PPO
+    with pytest.raises(InputError, match="does not fit this run"):
+        run(tmp_path / "other", other_choice, steps, data)
 
 
 def test_every_recipe_has_a_network_that_plays_whole_episodes(domains):

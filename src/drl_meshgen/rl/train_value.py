@@ -1,7 +1,8 @@
 """Train the paper's learner or one of its alternatives: `python -m drl_meshgen.rl.train_value --learner dqn --out DIR`.
 
 Interrupted, the same command goes on from the last point of the curve, to the same weights bit by bit. The folder
-gets `curve.parquet`, `curve-seconds.parquet`, `tensorboard/`, `checkpoint.pt` and, at the end, `policy.safetensors`.
+gets `curve.parquet`, `curve-seconds.parquet`, `tensorboard/`, `checkpoint.safetensors` and, at the end,
+`policy.safetensors`.
 """
 
 import argparse

@@ -18,13 +18,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import nn
 
+from drl_meshgen.rl.checkpoint import Snapshot, restore, state_of
 from drl_meshgen.rl.value.episodes import Environment, reach, scored
 from drl_meshgen.rl.value.networks import ActionNetwork, tensors
 from drl_meshgen.rl.value.replay import Moment, Replay, Transitions, transitions
@@ -133,6 +133,11 @@ class DQN:
         return self.online
 
     @property
+    def networks(self) -> dict[str, nn.Module]:
+        """Both networks, by the names of their weights in a checkpoint."""
+        return {"online": self.online, "target": self.target}
+
+    @property
     def epsilon(self) -> float:
         """Share of random actions."""
         first, least = self.options.epsilon
@@ -144,23 +149,19 @@ class DQN:
         self.losses.clear()
         return {"loss": loss, "epsilon": self.epsilon}
 
-    def snapshot(self) -> dict[str, Any]:
+    def snapshot(self) -> Snapshot:
         """Return all of it, between episodes, for `restore`."""
-        return {
-            "online": self.online.state_dict(),
-            "target": self.target.state_dict(),
-            "optimizer": self.optimizer.state_dict(),
-            "replay": {key: torch.as_tensor(one) for key, one in self.replay.snapshot().items()},
-            "counts": [self.steps, self.episodes, self.gradients],
-        }
+        tensors = state_of(self.networks, [self.optimizer])
+        tensors |= {f"replay.{key}": torch.as_tensor(one) for key, one in self.replay.snapshot().items()}
+        return tensors, {"steps": self.steps, "episodes": self.episodes, "gradients": self.gradients}
 
-    def restore(self, kept: dict[str, Any]) -> None:
+    def restore(self, kept: Snapshot) -> None:
         """Go on where `snapshot` was taken; the random generator is the caller's."""
-        self.online.load_state_dict(kept["online"])
-        self.target.load_state_dict(kept["target"])
-        self.optimizer.load_state_dict(kept["optimizer"])
-        self.replay.restore({key: one.numpy() for key, one in kept["replay"].items()})
-        self.steps, self.episodes, self.gradients = kept["counts"]
+        tensors, counts = kept
+        restore(self.networks, [self.optimizer], tensors)
+        replay = {key: one.numpy() for key, one in tensors.items() if key.startswith("replay.")}
+        self.replay.restore({key.removeprefix("replay."): one for key, one in replay.items()})
+        self.steps, self.episodes, self.gradients = (counts[key] for key in ("steps", "episodes", "gradients"))
 
     def train(self, environment: Environment, until: Callable[[], bool]) -> None:
         """Learn until `until` says so, which is asked whenever all episodes are over."""

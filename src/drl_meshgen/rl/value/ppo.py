@@ -5,13 +5,14 @@ Own and compact: the PPO of stable-baselines3 knows no masks, and its extension 
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import nn
 
+from drl_meshgen.rl.checkpoint import Snapshot, restore, state_of
 from drl_meshgen.rl.value.episodes import Environment, reach
 from drl_meshgen.rl.value.networks import RelativeNetwork, tensors
 from drl_meshgen.rl.vector import State
@@ -108,16 +109,16 @@ class PPO:
         self.losses.clear()
         return {"loss": loss, "epsilon": np.nan}
 
-    def snapshot(self) -> dict[str, Any]:
+    def snapshot(self) -> Snapshot:
         """Return all of it, between episodes, for `restore`."""
-        counts = [self.steps, self.episodes]
-        return {"network": self.network.state_dict(), "optimizer": self.optimizer.state_dict(), "counts": counts}
+        tensors = state_of({"network": self.network}, [self.optimizer])
+        return tensors, {"steps": self.steps, "episodes": self.episodes}
 
-    def restore(self, kept: dict[str, Any]) -> None:
+    def restore(self, kept: Snapshot) -> None:
         """Go on where `snapshot` was taken; the random generator is the caller's."""
-        self.network.load_state_dict(kept["network"])
-        self.optimizer.load_state_dict(kept["optimizer"])
-        self.steps, self.episodes = kept["counts"]
+        tensors, counts = kept
+        restore({"network": self.network}, [self.optimizer], tensors)
+        self.steps, self.episodes = counts["steps"], counts["episodes"]
 
     def train(self, environment: Environment, until: Callable[[], bool]) -> None:
         """Learn until `until` says so, which is asked whenever all episodes are over."""

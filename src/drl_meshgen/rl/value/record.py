@@ -1,6 +1,5 @@
 """What a training run leaves behind: learning curve, checkpoints to go on from, and when to stop."""
 
-import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -9,16 +8,20 @@ from typing import Any, Protocol
 
 import numpy as np
 import pandas as pd
-import torch
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.export import read_table, write_table
-from drl_meshgen.export.atomic import replacing
+from drl_meshgen.rl.checkpoint import Snapshot, read_tensors, write_tensors
 from drl_meshgen.rl.value.episodes import play
 from drl_meshgen.rl.value.networks import ActionNetwork
 from drl_meshgen.rl.vector import VectorEnvironment
 
-CURVE, SECONDS, CHECKPOINT, TENSORBOARD = "curve.parquet", "curve-seconds.parquet", "checkpoint.pt", "tensorboard"
+CURVE, SECONDS, CHECKPOINT, TENSORBOARD = (
+    "curve.parquet",
+    "curve-seconds.parquet",
+    "checkpoint.safetensors",
+    "tensorboard",
+)
 
 
 class Learner(Protocol):
@@ -37,11 +40,11 @@ class Learner(Protocol):
         """Return loss and epsilon."""
         ...
 
-    def snapshot(self) -> dict[str, Any]:
+    def snapshot(self) -> Snapshot:
         """Return everything that changes."""
         ...
 
-    def restore(self, kept: dict[str, Any]) -> None:
+    def restore(self, kept: Snapshot) -> None:
         """Go on where `snapshot` was taken."""
         ...
 
@@ -124,19 +127,20 @@ class Record:
         write_table(self.folder / CURVE, pd.DataFrame(self.rows))
         steps = [row["steps"] for row in self.rows]
         write_table(self.folder / SECONDS, pd.DataFrame({"steps": steps, "cpu_seconds": np.round(self.seconds, 1)}))
-        kept = self.learner.snapshot() | {"rng": json.dumps(self.learner.rng.bit_generator.state), "spent": self.spent}
-        with replacing(self.folder / CHECKPOINT) as part:
-            torch.save(kept, part)
+        tensors, counts = self.learner.snapshot()
+        state = {"counts": counts, "rng": self.learner.rng.bit_generator.state, "spent": self.spent}
+        write_tensors(self.folder / CHECKPOINT, tensors, "state", state)
 
     def _resume(self) -> None:
-        name = str(self.folder / CHECKPOINT)
+        tensors, state = read_tensors(self.folder / CHECKPOINT, "state")
         try:
-            kept = torch.load(self.folder / CHECKPOINT, weights_only=True)
-            self.learner.restore(kept)
+            self.learner.restore((tensors, state["counts"]))
+            self.learner.rng.bit_generator.state = state["rng"]
+            self._before = float(state["spent"])
         except (RuntimeError, KeyError, ValueError) as error:
-            raise InputError(name, f"does not fit this run ({error})", "choose another folder or remove it") from error
-        self.learner.rng.bit_generator.state = json.loads(kept["rng"])
-        self._before = float(kept["spent"])
+            raise InputError(
+                str(self.folder / CHECKPOINT), f"does not fit this run ({error})", "choose another folder or remove it"
+            ) from error
         curve, seconds = (read_table(self.folder / name) for name in (CURVE, SECONDS))
         points = sum(step <= self.learner.steps for step in curve["steps"].tolist())
         columns = {str(name): curve[name].tolist() for name in curve}

@@ -1,8 +1,8 @@
 """Replay buffer of transitions over one or more steps, drawn evenly or by priority (Schaul et al. 2016)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -106,13 +106,13 @@ class Replay:
         mask = np.unpackbits(c["mask"][rows], axis=1, count=self.actions).astype(bool)
         return Transitions(state, c["action"][rows], c["gain"][rows], c["discount"][rows], later, mask)
 
-    def snapshot(self) -> dict[str, Any]:
+    def snapshot(self) -> dict[str, np.ndarray]:
         """Return everything as arrays, what was never filled left out."""
         n = len(self)
         kept = {f"column.{key}": one[:n].copy() for key, one in self.columns.items()}
         return kept | {"priority": self.priority[:n].copy(), "added": np.array(self.added)}
 
-    def restore(self, kept: dict[str, Any]) -> None:
+    def restore(self, kept: Mapping[str, np.ndarray]) -> None:
         """Take over what `snapshot` gave."""
         self.added = int(kept["added"])
         for key, one in kept.items():
