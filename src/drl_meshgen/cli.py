@@ -4,7 +4,7 @@ import sys
 import traceback
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -245,13 +245,17 @@ def fill(
     out: Annotated[Path, typer.Option(metavar="DIR", file_okay=False, help="Folder of the results.")],
     *,
     policy: PolicyName = None,
+    template: Annotated[
+        Literal["auto", "o", "c"],
+        typer.Option(help="O-type, or C-type for four sides with more points on one than across; auto: the better."),
+    ] = "auto",
     layers: Annotated[
         int | None, typer.Option(metavar="K", min=1, help="Layers of quads around the core.  [default: chosen]")
     ] = None,
     no_pictures: Annotated[bool, typer.Option("--no-pictures", help="Write no PNG file.")] = False,
     debug: Debug = False,
 ) -> None:
-    """Mesh one plane domain by an O-type template.
+    """Mesh one plane domain by a template.
 
     The points are a closed simple polygon, an even number of them, at least 12; they become the boundary nodes. Writes
     mesh.vtu, parameters.parquet, quality.parquet and mesh.png to DIR and prints the metrics of the mesh.
@@ -260,7 +264,7 @@ def fill(
     def command() -> int:
         from drl_meshgen.commands.filling import fill as run
 
-        return run(domain, out, policy, layers, pictures=not no_pictures)
+        return run(domain, out, policy, template, layers, pictures=not no_pictures)
 
     _run(command, debug=debug)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drl_meshgen.baselines.plane import PlaneMethod, PlaneRival, plane_rivals
-from drl_meshgen.benchmarks.rl_judge import OURS, policy_of
+from drl_meshgen.benchmarks.rl_judge import OURS, Chooser, policy_of
 from drl_meshgen.benchmarks.tables import records
 from drl_meshgen.benchmarks.templates import PIPELINE, SETS, domain_named, parameters_in
 from drl_meshgen.export import read_table
@@ -16,7 +16,7 @@ from drl_meshgen.report.learning import ShownFigure
 from drl_meshgen.report.plane import frame_of, new_figure, show_quads, write_figure
 from drl_meshgen.rl.datasets import Sample, read_samples, samples_of
 from drl_meshgen.rl.plane_metrics import plane_metrics
-from drl_meshgen.templates import Policy, instantiate
+from drl_meshgen.templates import instantiate
 from drl_meshgen.templates.mesh import TemplateMesh
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def draw_stages(folder: Path) -> ShownFigure:
     return ShownFigure("Figure 11: learning", "One training domain, early in training and at its end.", path)
 
 
-def draw_rivals(folder: Path, policy: Policy, domains: Sequence[tuple[str, int]] = SIDE_BY_SIDE) -> ShownFigure:
+def draw_rivals(folder: Path, policy: Chooser, domains: Sequence[tuple[str, int]] = SIDE_BY_SIDE) -> ShownFigure:
     """Draw Figure 12: ours beside Gmsh's methods."""
     figure = new_figure(4.2 * (1 + len(PlaneMethod)), 4.4 * len(domains))
     columns = 1 + len(PlaneMethod)

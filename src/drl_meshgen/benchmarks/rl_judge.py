@@ -5,6 +5,7 @@ import time
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -21,11 +22,9 @@ from drl_meshgen.templates import (
     CSides,
     Domain,
     OParameters,
-    Policy,
     RulePolicy,
     TemplatePolicy,
-    instantiate,
-    instantiate_c,
+    instantiated,
 )
 
 OURS = "ours"
@@ -44,8 +43,16 @@ ON_SQUARE = CSides(8, 6, 4)
 """Sides that its boundary can be taken for."""
 
 
+class Chooser(Protocol):
+    """What chooses the parameters of O-type meshes at least."""
+
+    def choose(self, domain: Domain) -> OParameters:
+        """Return parameters for a domain."""
+        ...
+
+
 @cache
-def policy_of(method: str, folder: Path) -> Policy | None:
+def policy_of(method: str, folder: Path) -> Chooser | None:
     """Return the policy under a name of the tables; None where its weights are not there."""
     if method in LEARNERS:
         path = folder / f"{LEARNERS[method]}.safetensors"
@@ -64,7 +71,7 @@ def policy_of(method: str, folder: Path) -> Policy | None:
     return policy
 
 
-def made_by(policy: Policy | TemplatePolicy, sample: Sample) -> OParameters | CParameters | None:
+def made_by(policy: Chooser, sample: Sample) -> OParameters | CParameters | None:
     """Return what a policy chooses for a domain, of the type that fits it; None where it knows no such template."""
     if sample.transition is None:
         return policy.choose(sample.domain)
@@ -118,7 +125,7 @@ def _chosen(sample: Sample, method: str, folder: Path) -> list[Row]:
     milliseconds = 1000 * (time.process_time() - begin)
     if parameters is None:
         return []
-    mesh = (instantiate if isinstance(parameters, OParameters) else instantiate_c)(sample.domain, parameters)
+    mesh = instantiated(sample.domain, parameters)
     return [
         _row(sample, method, plane_metrics(sample.domain, np.array(mesh.points), np.array(mesh.quads)), milliseconds)
     ]

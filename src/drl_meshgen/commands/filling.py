@@ -1,5 +1,6 @@
 """The `fill` command: one plane domain, one template."""
 
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +14,22 @@ from drl_meshgen.export import write_mesh, write_table
 from drl_meshgen.quality import gate, measure
 from drl_meshgen.rl.plane_metrics import plane_metrics
 from drl_meshgen.rl.policies import policy_named
-from drl_meshgen.templates import Domain, FilledCap, Outcome, fill_cap
+from drl_meshgen.rl.template_type import Template, template_for
+from drl_meshgen.templates import CParameters, Domain, OParameters, Outcome, unfolded
 
 FINE, BELOW_GATE = 0, 4
 
 
-def fill(boundary: Path, out: Path, policy: str | None, layers: int | None, *, pictures: bool = True) -> int:
-    """Fill the polygon of a file by an O-type mesh; write it to a folder and print what it is like.
+def fill(
+    boundary: Path,
+    out: Path,
+    policy: str | None,
+    template: str = "auto",
+    layers: int | None = None,
+    *,
+    pictures: bool = True,
+) -> int:
+    """Fill the polygon of a file by a template; write the mesh to a folder and print what it is like.
 
     Returns the exit code: 4 below the quality gate, else 0. Raises `InputError` for a boundary that cannot be filled
     and for a policy that is not known.
@@ -29,29 +39,35 @@ def fill(boundary: Path, out: Path, policy: str | None, layers: int | None, *, p
     nodes, turned = read_outline(boundary)
     if turned:
         typer.echo(f"{boundary.name}: runs clockwise; taken the other way round, from the same first point", err=True)
-    filled = fill_cap(nodes, chooser, layers)
-    figures = plane_metrics(Domain(nodes), np.array(filled.points), np.array(filled.quads))
+    domain = Domain(nodes)
+    parameters = template_for(chooser, domain, Template(template), layers)
+    mesh, outcome = unfolded(domain, parameters)
+    figures = plane_metrics(domain, np.array(mesh.points), np.array(mesh.quads))
     with complete(out) as folder:
-        write_mesh(folder / "mesh.vtu", filled.blocks)
-        write_table(folder / "parameters.parquet", parameter_table(filled, policy))
+        write_mesh(folder / "mesh.vtu", mesh.blocks)
+        write_table(folder / "parameters.parquet", parameter_table(parameters, policy, outcome))
         write_table(folder / "quality.parquet", pd.DataFrame([figures]))
         if pictures:
             from drl_meshgen.report.plane import draw_template  # Matplotlib takes a second to load
 
-            draw_template(folder / "mesh.png", filled)
+            draw_template(folder / "mesh.png", mesh)
     for name, value in figures.items():
         typer.echo(f"{name:<22} {value:>12.6g}")
-    below = gate(measure(filled.blocks.mesh, block=filled.blocks.block))
-    if filled.outcome is Outcome.FOLDED:
-        below = (f"{len(filled.folded)} folded: {Outcome.FOLDED.value}",)
+    below = gate(measure(mesh.blocks.mesh, block=mesh.blocks.block))
+    if outcome is Outcome.FOLDED:
+        below = (f"{len(mesh.folded)} folded: {Outcome.FOLDED.value}",)
     for sentence in below:
         typer.echo(f"below the quality gate: {sentence}", err=True)
     return BELOW_GATE if below else FINE
 
 
-def parameter_table(filled: FilledCap, policy: str) -> pd.DataFrame:
+def parameter_table(p: OParameters | CParameters, policy: str, outcome: Outcome) -> pd.DataFrame:
     """Return the parameters of a template in one row; positions and displacements as lists of x, y, x, y ..."""
-    p = filled.parameters
-    whole = {"i0": p.i0, "m": p.m, "n": p.n, "layers": p.layers, "grading": p.grading}
-    lists = {name: [getattr(p, name).ravel()] for name in ("singular", "bulges", "waves", "swells")}
-    return pd.DataFrame({"policy": [policy], **whole, **lists, "outcome": filled.outcome.name})
+    if isinstance(p, OParameters):
+        whole = {"template": "O", "i0": p.i0, "m": p.m, "n": p.n, "layers": p.layers, "grading": p.grading}
+        names = ("singular", "bulges", "waves", "swells")
+    else:
+        whole = {"template": "C", "start": p.start, **asdict(p.counts)}
+        names = ("singular", "bulges")
+    lists = {name: [getattr(p, name).ravel()] for name in names}
+    return pd.DataFrame({"policy": [policy], **whole, **lists, "outcome": outcome.name})

@@ -72,11 +72,13 @@ def best_transition(
     Raises `InputError` for sides that no C-type mesh fits.
     """
     nodes = domain.frame.to_local(domain.nodes)
-    choices = [cells] if isinstance(cells, CCounts) else counts_at(cells.checked(), GRID)
-    found, judged = proposed(placement, nodes, start, choices, weights)
-    for step in () if isinstance(cells, CCounts) else STEPS:
-        choices = counts_at(cells, shares_around(found[judged.best].counts, step))
-        found, judged = proposed(placement, nodes, start, choices, weights)
+    if isinstance(cells, CCounts):
+        found, judged = proposed(placement, nodes, start, [cells], weights)
+    else:
+        found, judged = proposed(placement, nodes, start, counts_at(cells.checked(), GRID), weights)
+        for step in STEPS:
+            near = counts_at(cells, shares_around(found[judged.best].counts, step))
+            found, judged = proposed(placement, nodes, start, near, weights)
     return _in_plane(domain, found[judged.best]) if judged.valid[judged.best] else None
 
 

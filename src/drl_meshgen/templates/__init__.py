@@ -2,7 +2,7 @@
 
 from drl_meshgen.templates.c_type import CCounts, CParameters, CSides, instantiate_c
 from drl_meshgen.templates.domain import Domain
-from drl_meshgen.templates.fill import FilledCap, FilledPatch, fill_cap, fill_transition
+from drl_meshgen.templates.fill import FilledCap, FilledPatch, fill_cap, fill_transition, instantiated, unfolded
 from drl_meshgen.templates.mesh import TemplateMesh
 from drl_meshgen.templates.o_type import OParameters, instantiate
 from drl_meshgen.templates.options import PlacementOptions
@@ -27,4 +27,6 @@ __all__ = [
     "fill_transition",
     "instantiate",
     "instantiate_c",
+    "instantiated",
+    "unfolded",
 ]

@@ -48,8 +48,7 @@ def fill_cap(
     """
     domain = Domain(boundary)
     parameters = (policy or RulePolicy()).choose(domain, layers=k, size=size, corners=corners)
-    mesh = instantiate(domain, parameters)
-    mesh, outcome = untangle(mesh, len(domain), (size or boundary_size(domain))(mesh.points))
+    mesh, outcome = unfolded(domain, parameters, size)
     return FilledCap(mesh.points, mesh.grids, parameters, outcome)
 
 
@@ -67,6 +66,20 @@ def fill_transition(
     """
     domain = Domain(boundary)
     parameters = (policy or RulePolicy()).transition(domain, start, cells)
-    mesh = instantiate_c(domain, parameters)
-    mesh, outcome = untangle(mesh, len(domain), (size or boundary_size(domain))(mesh.points))
+    mesh, outcome = unfolded(domain, parameters, size)
     return FilledPatch(mesh.points, mesh.grids, parameters, outcome)
+
+
+def instantiated(domain: Domain, parameters: OParameters | CParameters) -> TemplateMesh:
+    """Return the mesh of a domain by parameters of either type."""
+    if isinstance(parameters, OParameters):
+        return instantiate(domain, parameters)
+    return instantiate_c(domain, parameters)
+
+
+def unfolded(
+    domain: Domain, parameters: OParameters | CParameters, size: Size | None = None
+) -> tuple[TemplateMesh, Outcome]:
+    """Return the mesh by parameters of either type, folded cells unfolded as in `fill_cap`, and the verdict."""
+    mesh = instantiated(domain, parameters)
+    return untangle(mesh, len(domain), (size or boundary_size(domain))(mesh.points))
