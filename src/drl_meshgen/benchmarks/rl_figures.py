@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drl_meshgen.baselines.plane import PlaneMethod, PlaneRival, plane_rivals
-from drl_meshgen.benchmarks.rl_judge import OURS, Chooser, policy_of
+from drl_meshgen.benchmarks.rl_judge import OURS, Chooser, made_by, policy_of
 from drl_meshgen.benchmarks.tables import records
 from drl_meshgen.benchmarks.templates import PIPELINE, SETS, domain_named, parameters_in
 from drl_meshgen.export import read_table
 from drl_meshgen.report import palette
 from drl_meshgen.report.learning import ShownFigure
 from drl_meshgen.report.plane import frame_of, new_figure, show_quads, write_figure
+from drl_meshgen.rl.c_domains import samples_of_test
 from drl_meshgen.rl.datasets import Sample, read_samples, samples_of
 from drl_meshgen.rl.plane_metrics import plane_metrics
-from drl_meshgen.templates import instantiate
+from drl_meshgen.templates import RulePolicy, instantiate, instantiated
 from drl_meshgen.templates.mesh import TemplateMesh
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ COLOURS = {"test-standard": "#2f6690", "test-hard": "#c8452f", PIPELINE: "#4f8f5
 """Outlines of the domains of each set: blue standard, red hard, as in the paper, green from the pipeline."""
 SIDE_BY_SIDE = (("test-standard", 0), ("test-standard", 7), ("test-hard", 3), ("test-hard", 5))
 """Domains of Figure 12."""
+TRANSITIONAL = (4, 6, 19, 24, 48, 58)
+"""Domains of Test-C that are drawn."""
 CHOSEN = 0.6
 """Weight of orthogonality that the paper settles for."""
 
@@ -39,7 +42,7 @@ def draw_figures(folder: Path) -> list[ShownFigure]:
         made.append(draw_stages(folder))
     policy = policy_of(OURS, folder)
     if policy is not None:
-        made.append(draw_rivals(folder, policy))
+        made += [draw_rivals(folder, policy), draw_transitions(folder, policy)]
     return made
 
 
@@ -127,6 +130,20 @@ def draw_rivals(folder: Path, policy: Chooser, domains: Sequence[tuple[str, int]
     write_figure(path, figure, 60)
     caption = "The same boundary nodes for all. Colours: largest deviation of a corner from 90°; folded quads are red."
     return ShownFigure("Figure 12: side by side", caption, path)
+
+
+def draw_transitions(folder: Path, policy: Chooser, domains: Sequence[int] = TRANSITIONAL) -> ShownFigure:
+    """Draw C-type meshes of some domains of Test-C: ours above those of the rule."""
+    figure = new_figure(3.2 * len(domains), 7)
+    for column, sample in enumerate(samples_of_test(domains), 1):
+        for row, (label, chooser) in enumerate(((OURS, policy), ("rule", RulePolicy()))):
+            parameters = made_by(chooser, sample)
+            if parameters is not None:
+                axes = figure.add_subplot(2, len(domains), row * len(domains) + column)
+                _panel(axes, sample, label, instantiated(sample.domain, parameters))
+    path = folder / "transitions.png"
+    write_figure(path, figure, 60)
+    return ShownFigure("C-type transitions", "Four-sided domains of Test-C; below, balanced counts and Tutte's.", path)
 
 
 def _panel(axes: "Axes", sample: Sample, label: str, mesh: TemplateMesh | PlaneRival) -> None:
