@@ -7,9 +7,11 @@ from drl_meshgen.export import read_table
 from drl_meshgen.rl import DataSet, samples_of
 from drl_meshgen.rl import train as training
 from drl_meshgen.rl.checkpoint import read_checkpoint, write_checkpoint
+from drl_meshgen.rl.console import run
 from drl_meshgen.rl.learning import Bank, Learner, LearnOptions
 from drl_meshgen.rl.networks import weights_of
 from drl_meshgen.rl.policy_file import read_card
+from drl_meshgen.rl.train_transitions import train_transitions
 
 TINY = LearnOptions(steps=8, polish=2, domains=4, sizes=(24, 40), width=16, drawn=20)
 
@@ -57,3 +59,12 @@ def test_a_run_leaves_policy_early_policy_and_curve(tmp_path, monkeypatch):
     }
     assert (tmp_path / "agent.safetensors").read_bytes() == before
     assert list((tmp_path / "tensorboard").iterdir())
+
+
+def test_a_damaged_checkpoint_ends_training_with_one_sentence(tmp_path, capsys, monkeypatch):
+    (tmp_path / "transitions.safetensors").write_bytes(b"half a")
+    monkeypatch.setattr("sys.argv", ["train_transitions", "--out", str(tmp_path), "--steps", "1"])
+    with pytest.raises(SystemExit) as end:
+        run(train_transitions)
+    assert end.value.code == 3
+    assert capsys.readouterr().err == "transitions.safetensors: is no whole checkpoint; delete it and begin anew\n"

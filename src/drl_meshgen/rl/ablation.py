@@ -19,6 +19,7 @@ from drl_meshgen.errors import InputError
 from drl_meshgen.export import write_table
 from drl_meshgen.rl.agent import AgentOptions, AgentPolicy
 from drl_meshgen.rl.boundary import PER_SIDE, side_samples
+from drl_meshgen.rl.console import run
 from drl_meshgen.rl.controls import FREED
 from drl_meshgen.rl.datasets import DataSet, Sample, samples_of
 from drl_meshgen.rl.learning import Bank, Learner, LearnOptions
@@ -172,4 +173,4 @@ def ablate(  # noqa: PLR0917 - options of a command
 
 
 if __name__ == "__main__":
-    typer.run(ablate)
+    run(ablate)

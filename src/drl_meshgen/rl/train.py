@@ -21,6 +21,7 @@ from drl_meshgen.export import read_table, write_table
 from drl_meshgen.rl.agent import TRANSITIONS
 from drl_meshgen.rl.c_learning import TransitionLearnOptions
 from drl_meshgen.rl.checkpoint import read_checkpoint, write_checkpoint
+from drl_meshgen.rl.console import run
 from drl_meshgen.rl.datasets import DataSet, Sample, read_samples, samples_of, write_samples
 from drl_meshgen.rl.learning import Bank, Learner, LearnOptions, examine
 from drl_meshgen.rl.networks import weights_of
@@ -134,4 +135,4 @@ def complete(out: Path) -> None:
 
 
 if __name__ == "__main__":
-    typer.run(train)
+    run(train)

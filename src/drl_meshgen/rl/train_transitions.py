@@ -17,6 +17,7 @@ from drl_meshgen.rl.agent import TRANSITIONS
 from drl_meshgen.rl.c_domains import four_sided
 from drl_meshgen.rl.c_learning import TransitionLearner, TransitionLearnOptions
 from drl_meshgen.rl.checkpoint import read_checkpoint, write_checkpoint
+from drl_meshgen.rl.console import run
 from drl_meshgen.rl.inference import Placements
 from drl_meshgen.rl.kernel import judge_c
 from drl_meshgen.rl.networks import weights_of
@@ -57,16 +58,23 @@ def train_transitions(
         read_checkpoint(checkpoint, learner)
         rows = read_table(out / "curve-transitions.parquet").to_dict("records")
         seconds = read_table(out / "curve-transitions-seconds.parquet").to_dict("records")
-    begin = time.process_time() - (seconds[-1]["cpu_seconds"] if seconds else 0.0)
-    while learner.step < steps:
-        worth = learner.advance()
-        if learner.step % EVERY and learner.step != steps:
-            continue
-        rows.append({"step": learner.step, "worth": worth} | examine(learner))
-        seconds.append({"step": learner.step, "cpu_seconds": time.process_time() - begin})
-        write_table(out / "curve-transitions.parquet", pd.DataFrame(rows))
-        write_table(out / "curve-transitions-seconds.parquet", pd.DataFrame(seconds))
-        write_checkpoint(checkpoint, learner)
+    # imported here because its import takes a second
+    from torch.utils.tensorboard import SummaryWriter
+
+    with SummaryWriter(str(out / "tensorboard" / "transitions"), purge_step=learner.step) as board:
+        begin = time.process_time() - (seconds[-1]["cpu_seconds"] if seconds else 0.0)
+        while learner.step < steps:
+            worth = learner.advance()
+            if learner.step % EVERY and learner.step != steps:
+                continue
+            rows.append({"step": learner.step, "worth": worth} | examine(learner))
+            seconds.append({"step": learner.step, "cpu_seconds": time.process_time() - begin})
+            for name, value in rows[-1].items():
+                board.add_scalar(name, value, learner.step)
+            write_table(out / "curve-transitions.parquet", pd.DataFrame(rows))
+            write_table(out / "curve-transitions-seconds.parquet", pd.DataFrame(seconds))
+            write_checkpoint(checkpoint, learner)
+            typer.echo(f"transitions, step {learner.step}: reward {rows[-1]['reward']:.4f}")
 
 
 def transitions_in(folder: Path) -> Path:
@@ -75,4 +83,4 @@ def transitions_in(folder: Path) -> Path:
 
 
 if __name__ == "__main__":
-    typer.run(train_transitions)
+    run(train_transitions)
