@@ -65,7 +65,7 @@ bench-quality: extra-bench
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m drl_meshgen.benchmarks.quality --resume \
 		--models $(MODELS) --out docs/benchmarks
 
-# The policy that comes with the project, from nothing, in half an hour on one core; interrupted, the next call goes on.
+# The policy that comes with the project, from nothing, in 20 minutes on two cores; interrupted, the next call goes on.
 # Then the data of the ablations and of the learning figures, ten minutes.
 train: setup
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m drl_meshgen.rl.train --out out/train

@@ -15,6 +15,7 @@ import torch
 
 from drl_meshgen.export import write_table
 from drl_meshgen.export.atomic import replacing
+from drl_meshgen.rl.console import code_of
 from drl_meshgen.rl.datasets import DataSet, Sample, samples_of
 from drl_meshgen.rl.kernel import judge_o
 from drl_meshgen.rl.value.policy import ValuePolicy, load_value_policy
@@ -82,4 +83,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(code_of(main))

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from drl_meshgen.rl.console import code_of
 from drl_meshgen.rl.datasets import DataSet, read_samples, samples_of, write_samples
 from drl_meshgen.rl.environment import EnvironmentOptions
 from drl_meshgen.rl.value.dqn import DQN, RAINBOW, DQNOptions
@@ -117,4 +118,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(code_of(main))
