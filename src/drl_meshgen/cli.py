@@ -252,6 +252,10 @@ def fill(
     layers: Annotated[
         int | None, typer.Option(metavar="K", min=1, help="Layers of quads around the core.  [default: chosen]")
     ] = None,
+    finish: Annotated[
+        bool,
+        typer.Option("--finish/--no-finish", help="Move every interior node by itself, to better and more even quads."),
+    ] = True,
     no_pictures: Annotated[bool, typer.Option("--no-pictures", help="Write no PNG file.")] = False,
     debug: Debug = False,
 ) -> None:
@@ -264,7 +268,7 @@ def fill(
     def command() -> int:
         from drl_meshgen.commands.filling import fill as run
 
-        return run(domain, out, policy, template, layers, pictures=not no_pictures)
+        return run(domain, out, policy, template, layers, finish=finish, pictures=not no_pictures)
 
     _run(command, debug=debug)
 

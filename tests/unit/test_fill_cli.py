@@ -128,3 +128,24 @@ def test_a_picture_is_drawn(tmp_path):
     arguments = ["fill", str(write(tmp_path / "a.csv", OVAL)), "--out", str(tmp_path / "out")]
     assert CliRunner().invoke(app, arguments).exit_code == 0
     assert (tmp_path / "out/mesh.png").stat().st_size > 5_000
+
+
+def test_finishing_moves_interior_nodes_only_and_can_be_left_out(tmp_path):
+    found = {}
+    for how in ("--finish", "--no-finish"):
+        assert run(write(tmp_path / "a.csv", OVAL), tmp_path / how, how, "--layers", "2").exit_code == 0
+        row = pd.read_parquet(tmp_path / how / "parameters.parquet").iloc[0]
+        assert row.finished == (how == "--finish")
+        quality = pd.read_parquet(tmp_path / how / "quality.parquet").iloc[0]
+        found[how] = read_mesh(tmp_path / how / "mesh.vtu")[0].points, quality
+    (moved, finished), (plain, unfinished) = found.values()
+    assert np.array_equal(moved[:24], plain[:24])
+    assert not np.allclose(moved, plain, atol=1e-3)
+    assert finished.smoothness > unfinished.smoothness
+
+
+def test_finished_meshes_have_four_layers_unless_told(tmp_path):
+    for more, layers in (((), 4), (("--layers", "2"), 2), (("--no-finish",), 3)):
+        out = tmp_path / str(layers)
+        assert run(write(tmp_path / "a.csv", OVAL), out, "--template", "o", *more).exit_code == 0
+        assert pd.read_parquet(out / "parameters.parquet").layers[0] == layers

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drl_meshgen.baselines.plane import PlaneMethod, PlaneRival, plane_rivals
-from drl_meshgen.benchmarks.rl_judge import OURS, Chooser, made_by, policy_of
+from drl_meshgen.benchmarks.rl_judge import FINISHED, OURS, Chooser, made_by, policy_of
 from drl_meshgen.benchmarks.tables import records
 from drl_meshgen.benchmarks.templates import PIPELINE, SETS, domain_named, parameters_in
 from drl_meshgen.export import read_table
@@ -16,6 +16,7 @@ from drl_meshgen.report.learning import ShownFigure
 from drl_meshgen.report.plane import frame_of, new_figure, show_quads, write_figure
 from drl_meshgen.rl.c_domains import samples_of_test
 from drl_meshgen.rl.datasets import Sample, read_samples, samples_of
+from drl_meshgen.rl.finish import finished
 from drl_meshgen.rl.plane_metrics import plane_metrics
 from drl_meshgen.templates import RulePolicy, instantiate, instantiated
 from drl_meshgen.templates.mesh import TemplateMesh
@@ -110,16 +111,20 @@ def draw_stages(folder: Path) -> ShownFigure:
 
 
 def draw_rivals(folder: Path, policy: Chooser, domains: Sequence[tuple[str, int]] = SIDE_BY_SIDE) -> ShownFigure:
-    """Draw Figure 12: ours beside Gmsh's methods."""
-    figure = new_figure(4.2 * (1 + len(PlaneMethod)), 4.4 * len(domains))
-    columns = 1 + len(PlaneMethod)
+    """Draw Figure 12: ours, plain and finished, beside Gmsh's methods."""
+    columns = 2 + len(PlaneMethod)
+    figure = new_figure(4.2 * columns, 4.4 * len(domains))
     for row, (name, index) in enumerate(domains):
         sample = domain_named(name, index)
         mesh = instantiate(sample.domain, policy.choose(sample.domain))
         axes = figure.add_subplot(len(domains), columns, row * columns + 1)
         _panel(axes, sample, OURS, mesh)
+        parameters = made_by(policy_of(FINISHED, folder) or policy, sample)
+        if parameters is not None:
+            axes = figure.add_subplot(len(domains), columns, row * columns + 2)
+            _panel(axes, sample, FINISHED, finished(instantiated(sample.domain, parameters), len(sample.domain)))
         corners = np.array([grid[0, 0] for grid in mesh.grids[1:]])
-        for k, (method, made) in enumerate(plane_rivals(sample.domain.nodes, corners).items(), 2):
+        for k, (method, made) in enumerate(plane_rivals(sample.domain.nodes, corners).items(), 3):
             axes = figure.add_subplot(len(domains), columns, row * columns + k)
             if len(made.quads):
                 _panel(axes, sample, method.value, made)
@@ -150,5 +155,7 @@ def _panel(axes: "Axes", sample: Sample, label: str, mesh: TemplateMesh | PlaneR
     points, quads = np.array(mesh.points), np.array(mesh.quads)
     show_quads(axes, points, quads, mesh.grids if isinstance(mesh, TemplateMesh) else (), by="angle")
     found = plane_metrics(sample.domain, points, quads)
-    text = f"{label}\northogonality {found['orthogonality']:.3f}, shape {found['jacobian_ratio']:.3f}"
+    names = ("orthogonality", "shape", "smoothness")
+    values = (found[key] for key in ("orthogonality", "jacobian_ratio", "smoothness"))
+    text = f"{label}\n" + ", ".join(f"{name} {value:.3f}" for name, value in zip(names, values, strict=True))
     axes.set_title(text, fontsize=9)

@@ -12,8 +12,9 @@ import numpy as np
 from drl_meshgen.baselines.plane import PlaneMethod, plane_rivals
 from drl_meshgen.benchmarks.record import Row
 from drl_meshgen.errors import InputError
-from drl_meshgen.rl.agent import BATCH
+from drl_meshgen.rl.agent import BATCH, AgentOptions
 from drl_meshgen.rl.datasets import Sample
+from drl_meshgen.rl.finish import LAYERS, finished
 from drl_meshgen.rl.plane_metrics import plane_metrics
 from drl_meshgen.rl.policies import SHIPPED, policy_named
 from drl_meshgen.rl.policy_file import read_policy
@@ -28,9 +29,10 @@ from drl_meshgen.templates import (
 )
 
 OURS = "ours"
+FINISHED = "ours, finished"
 REPEATS = 5
 """How often a batch is timed."""
-POLICIES = {OURS: "agent", "rule": "rule", "gradient optimiser": "optimizer"}
+POLICIES = {OURS: "agent", FINISHED: "agent", "rule": "rule", "gradient optimiser": "optimizer"}
 """Policies by their names in the tables."""
 LEARNERS = {"Double DQN (the paper's)": "dqn", "Rainbow-type DQN": "rainbow", "PPO": "ppo"}
 """Value learners by their names in the tables; judged where there is a file of weights of that name."""
@@ -62,12 +64,13 @@ def policy_of(method: str, folder: Path) -> Chooser | None:
         from drl_meshgen.rl.value.policy import load_value_policy
 
         policy = load_value_policy(path)
-    elif method == OURS and not SHIPPED.is_file():
+    elif method in {OURS, FINISHED} and not SHIPPED.is_file():
         return None
     else:
-        policy = policy_named(POLICIES[method])
+        finer = AgentOptions(layers=(LAYERS,))
+        policy = read_policy(SHIPPED, finer) if method == FINISHED else policy_named(POLICIES[method])
         policy.transition(SQUARE, 0, ON_SQUARE)
-    policy.choose(SQUARE)
+    finished(instantiated(SQUARE, policy.choose(SQUARE)), len(SQUARE))
     return policy
 
 
@@ -126,6 +129,9 @@ def _chosen(sample: Sample, method: str, folder: Path) -> list[Row]:
     if parameters is None:
         return []
     mesh = instantiated(sample.domain, parameters)
+    if method == FINISHED:
+        mesh = finished(mesh, len(sample.domain))
+        milliseconds = 1000 * (time.process_time() - begin)
     return [
         _row(sample, method, plane_metrics(sample.domain, np.array(mesh.points), np.array(mesh.quads)), milliseconds)
     ]

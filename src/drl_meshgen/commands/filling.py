@@ -12,6 +12,7 @@ from drl_meshgen.commands.outline import read_outline
 from drl_meshgen.commands.output import complete
 from drl_meshgen.export import write_mesh, write_table
 from drl_meshgen.quality import gate, measure
+from drl_meshgen.rl.finish import LAYERS, finished
 from drl_meshgen.rl.plane_metrics import plane_metrics
 from drl_meshgen.rl.policies import policy_named
 from drl_meshgen.rl.template_type import Template, template_for
@@ -27,10 +28,12 @@ def fill(
     template: str = "auto",
     layers: int | None = None,
     *,
+    finish: bool = True,
     pictures: bool = True,
 ) -> int:
     """Fill the polygon of a file by a template; write the mesh to a folder and print what it is like.
 
+    With `finish`, interior nodes then move by themselves, and O-type meshes have `LAYERS` layers if not told.
     Returns the exit code: 4 below the quality gate, else 0. Raises `InputError` for a boundary that cannot be filled
     and for a policy that is not known.
     """
@@ -40,12 +43,14 @@ def fill(
     if turned:
         typer.echo(f"{boundary.name}: runs clockwise; taken the other way round, from the same first point", err=True)
     domain = Domain(nodes)
-    parameters = template_for(chooser, domain, Template(template), layers)
+    parameters = template_for(chooser, domain, Template(template), layers or (LAYERS if finish else None))
     mesh, outcome = unfolded(domain, parameters)
+    if finish and outcome is not Outcome.FOLDED:
+        mesh = finished(mesh, len(domain))
     figures = plane_metrics(domain, np.array(mesh.points), np.array(mesh.quads))
     with complete(out) as folder:
         write_mesh(folder / "mesh.vtu", mesh.blocks)
-        write_table(folder / "parameters.parquet", parameter_table(parameters, policy, outcome))
+        write_table(folder / "parameters.parquet", parameter_table(parameters, policy, outcome, finish=finish))
         write_table(folder / "quality.parquet", pd.DataFrame([figures]))
         if pictures:
             from drl_meshgen.report.plane import draw_template  # Matplotlib takes a second to load
@@ -61,8 +66,11 @@ def fill(
     return BELOW_GATE if below else FINE
 
 
-def parameter_table(p: OParameters | CParameters, policy: str, outcome: Outcome) -> pd.DataFrame:
-    """Return the parameters of a template in one row; positions and displacements as lists of x, y, x, y ..."""
+def parameter_table(p: OParameters | CParameters, policy: str, outcome: Outcome, *, finish: bool) -> pd.DataFrame:
+    """Return the parameters of a template in one row; positions and displacements as lists of x, y, x, y ...
+
+    A mesh that was finished is not that of the parameters any more.
+    """
     if isinstance(p, OParameters):
         whole = {"template": "O", "i0": p.i0, "m": p.m, "n": p.n, "layers": p.layers, "grading": p.grading}
         names = ("singular", "bulges", "waves", "swells")
@@ -70,4 +78,4 @@ def parameter_table(p: OParameters | CParameters, policy: str, outcome: Outcome)
         whole = {"template": "C", "start": p.start, **asdict(p.counts)}
         names = ("singular", "bulges")
     lists = {name: [getattr(p, name).ravel()] for name in names}
-    return pd.DataFrame({"policy": [policy], **whole, **lists, "outcome": outcome.name})
+    return pd.DataFrame({"policy": [policy], **whole, **lists, "outcome": outcome.name, "finished": finish})
