@@ -41,11 +41,11 @@ FIRST = 0.1
 class FinishOptions:
     """What is raised, and how long."""
 
-    iterations: int = 80
+    iterations: int = 100
     """Steps, at most."""
     angle: float = 0.25
     """Weight of orthogonality."""
-    ratio: float = 1.0
+    ratio: float = 1.1
     """Weight of the Jacobian ratio."""
     smoothness: float = 1.5
     """Weight of the smoothness of mesh lines."""
