@@ -19,7 +19,7 @@ from prefect.settings import (
 )
 
 from drl_meshgen.errors import MeshgenError
-from drl_meshgen.store.store import exclusive
+from drl_meshgen.store.locks import exclusive
 
 LOCAL = "http://127.0.0.1:4200/api"
 PATIENCE = 180.0

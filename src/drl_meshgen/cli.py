@@ -1,20 +1,35 @@
 """The command line: arguments in, core calls, exit code out."""
 
 import sys
-import traceback
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
 from drl_meshgen import __version__
-from drl_meshgen.errors import MeshgenError
-
-EXIT_CODES = (
-    "Exit codes: 0 fine, 1 internal error or a stage without a result, 2 usage, 3 bad input, "
-    "4 meshed but below the quality gate, 5 some of several inputs failed."
+from drl_meshgen.commands.arguments import (
+    EXIT_CODES,
+    Blocks,
+    Config,
+    Counts,
+    Debug,
+    Fast,
+    FeatureAngle,
+    Inputs,
+    LayoutFile,
+    MaxIrregular,
+    Out,
+    PolicyName,
+    Remesh,
+    StoreFolder,
+    Strict,
+    TargetEdge,
+    TargetQuads,
+    Triangles,
+    check_sizes,
+    leave,
 )
+from drl_meshgen.commands.store_app import app as store_app
 
 app = typer.Typer(
     help="Block-structured quad meshes of triangulated surfaces, without anybody at the keyboard.",
@@ -24,55 +39,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-
-Inputs = Annotated[
-    list[str],
-    typer.Argument(
-        metavar="INPUT",
-        help="Names (hemisphere, giraffe, hand, random:SEED) or files (STL PLY OBJ OFF VTP VTU MSH STEP).",
-    ),
-]
-Out = Annotated[Path, typer.Option(metavar="DIR", file_okay=False, help="Gets one folder per input.")]
-TargetQuads = Annotated[int | None, typer.Option(metavar="N", min=4, help="Wanted number of quads.  [default: 4000]")]
-TargetEdge = Annotated[float | None, typer.Option(metavar="H", help="Wanted edge length in the units of the input.")]
-Triangles = Annotated[int, typer.Option(metavar="N", help="Size of generated models.")]
-Config = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE.toml", exists=True, dir_okay=False, help="Options of all stages, one table each."),
-]
-LayoutFile = Annotated[
-    Path | None,
-    typer.Option("--layout", metavar="FILE.toml", exists=True, dir_okay=False, help="Counts of an edited layout."),
-]
-Counts = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--count", metavar="NAME=N", help="Quads along an edge, or rows of a ring, of the layout; may be repeated."
-    ),
-]
-Blocks = Annotated[
-    int | None, typer.Option("--blocks", metavar="N", min=1, help="Coarsen the layout until it has at most N blocks.")
-]
-MaxIrregular = Annotated[
-    int | None, typer.Option(metavar="N", min=1, help="Coarsen the layout until it has at most N irregular nodes.")
-]
-Fast = Annotated[bool, typer.Option("--fast", help="Half the time, somewhat worse quads.")]
-PolicyName = Annotated[
-    str | None,
-    typer.Option(
-        "--policy", metavar="NAME", help="Who places templates: agent, rule, optimizer or a file.  [default: agent]"
-    ),
-]
-Remesh = Annotated[bool, typer.Option("--remesh", help="Remesh the input isotropically first.")]
-FeatureAngle = Annotated[
-    float | None,
-    typer.Option(metavar="DEG", min=0, max=180, help="Keep edges sharper than this: mesh lines follow them."),
-]
-Strict = Annotated[bool, typer.Option("--strict", help="Refuse inputs of several components.")]
-StoreFolder = Annotated[
-    Path | None, typer.Option("--store", metavar="DIR", file_okay=False, help="Keep stage results here and reuse them.")
-]
-Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an unexpected error.")]
+app.add_typer(store_app, name="store")
 
 
 def _version(*, wanted: bool) -> None:
@@ -123,7 +90,7 @@ def mesh(
     and pictures to DIR/NAME; with --compare also the folder rivals. NAME is the model or the file without its suffix;
     where names coincide, -2, -3 ... is appended.
     """
-    _check_sizes(inputs, target_quads, target_edge, layout)
+    check_sizes(inputs, target_quads, target_edge, layout)
 
     def command() -> int:
         from drl_meshgen.commands.meshing import Request, mesh_all
@@ -160,7 +127,7 @@ def mesh(
             )
         )
 
-    _run(command, debug=debug)
+    leave(command, debug=debug)
 
 
 @app.command(epilog=EXIT_CODES)
@@ -188,7 +155,7 @@ def layout(
     Writes layout.toml, layout.vtp and layout.vtu to DIR/NAME: counts to edit and to give to `mesh --layout`, the edges
     of the layout as polylines, and the surface with its regions.
     """
-    _check_sizes(inputs, target_quads, target_edge, layout)
+    check_sizes(inputs, target_quads, target_edge, layout)
 
     def command() -> int:
         from drl_meshgen.commands.layout import layout_all
@@ -211,7 +178,7 @@ def layout(
         kept = None if store is None else Store(store)
         return layout_all(Request(inputs, out, options, triangles, kept, debug=debug, layout=layout))
 
-    _run(command, debug=debug)
+    leave(command, debug=debug)
 
 
 @app.command(epilog=EXIT_CODES)
@@ -233,7 +200,7 @@ def check(
 
         return run(mesh, surface)
 
-    _run(command, debug=debug)
+    leave(command, debug=debug)
 
 
 @app.command(epilog=EXIT_CODES)
@@ -270,31 +237,7 @@ def fill(
 
         return run(domain, out, policy, template, layers, finish=finish, pictures=not no_pictures)
 
-    _run(command, debug=debug)
-
-
-def _check_sizes(inputs: list[str], quads: int | None, edge: float | None, layout: Path | None) -> None:
-    if quads is not None and edge is not None:
-        raise typer.BadParameter("give --target-quads or --target-edge, not both")
-    if edge is not None and not 0 < edge < float("inf"):
-        raise typer.BadParameter("--target-edge must be a positive length")
-    if layout is not None and len(inputs) > 1:
-        raise typer.BadParameter("--layout is of one INPUT")
-
-
-def _run(command: Callable[[], int], *, debug: bool) -> None:
-    """Run a command and leave with its exit code; nobody sees a traceback who did not ask for it."""
-    try:
-        code = command()
-    except MeshgenError as error:
-        typer.echo(str(error), err=True)
-        code = error.exit_code
-    except Exception as error:  # noqa: BLE001 - the last line of defence
-        typer.echo(f"internal error: {type(error).__name__}: {error}; --debug shows where", err=True)
-        if debug:
-            traceback.print_exception(error)
-        code = 1
-    raise typer.Exit(code)
+    leave(command, debug=debug)
 
 
 def main() -> None:

@@ -43,6 +43,8 @@ class ModelOptions:
     """Name of a generated model or path of a file."""
     triangles: int = 25_000
     """Size of a generated model (count); files are taken as they are."""
+    seed: int = 0
+    """Seed of the run; it is recorded beside the model and changes nothing."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ class MeshOptions:
         """Options of every stage that has any, for a run on `source`; of the comparison only where asked for."""
         rivals: dict[str, object] = {"comparison": self.comparison} if compare else {}
         return rivals | {
-            "model": ModelOptions(source, triangles),
+            "model": ModelOptions(source, triangles, self.seed),
             "cleanup": self.cleanup,
             "seams": self.seams,
             "ricci": self.ricci,
@@ -114,9 +116,9 @@ def _one_thread(run: Callable[[Mapping[str, Any], Any], Any]) -> Callable[[Mappi
     return limited
 
 
-def _model_identity(options: ModelOptions) -> object:
+def _model_identity(options: ModelOptions) -> dict[str, object]:
     if is_generated(options.source):
-        return options
+        return {"type": ModelOptions.__qualname__, "source": options.source, "triangles": options.triangles}
     path = existing_file(options.source)
     return {"name": path.name, "content": file_digest(path)}
 
@@ -127,7 +129,7 @@ def content_of(options: ModelOptions) -> str:
     Raises `InputError` where there is no such file and OSError where it cannot be read.
     """
     identity = _model_identity(options)
-    return str(identity["content"]) if isinstance(identity, dict) else digest(identity)
+    return str(identity.get("content") or digest(identity))
 
 
 def _read_model(_inputs: Mapping[str, Any], options: ModelOptions) -> RawSurface:

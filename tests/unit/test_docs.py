@@ -115,6 +115,10 @@ def parser(name):
     return typer.main.get_command(app).commands[name]
 
 
+def store_parser(name):
+    return parser("store").commands[name]
+
+
 def flow():
     alone = typer.Typer()
     alone.command()(flow_main)
@@ -133,6 +137,8 @@ def test_every_command_of_the_pages_parses(words, tmp_path, monkeypatch):
     if len(words) > 2 and words[1] in ("mesh", "layout", "check", "fill"):
         context = parser(words[1]).make_context(words[1], words[2:])
         assert context.params
+    if len(words) > 2 and words[1] == "store":
+        assert store_parser(words[2]).make_context(words[2], words[3:]).params
 
 
 @pytest.mark.parametrize("words", [c for c in commands("python", "-m", "flows.mesh") if len(c) > 3], ids=" ".join)
@@ -143,7 +149,11 @@ def test_every_command_of_the_flow_parses(words):
 def test_every_option_of_the_readme_exists():
     known = {
         o
-        for command in (*map(parser, ("mesh", "layout", "check", "fill")), flow())
+        for command in (
+            *map(parser, ("mesh", "layout", "check", "fill")),
+            *parser("store").commands.values(),
+            flow(),
+        )
         for p in command.params
         for o in options(p)
     }

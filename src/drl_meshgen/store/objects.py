@@ -3,10 +3,11 @@
 import errno
 import os
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 from drl_meshgen.store.canonical import file_digest
-from drl_meshgen.store.ref import checked_digest
+from drl_meshgen.store.ref import DIGEST, checked_digest
 
 
 def sync(path: Path) -> None:
@@ -39,6 +40,12 @@ class Objects:
     def path(self, sha: str) -> Path:
         """Return the place of an object; raises ValueError where `sha` is not a digest."""
         return self.root / checked_digest(sha)[:2] / sha
+
+    def files(self) -> Iterator[Path]:
+        """Yield the files that are named like objects, in order, whatever they hold."""
+        for path in sorted(self.root.glob("??/*")):
+            if DIGEST.fullmatch(path.name) and path.parent.name == path.name[:2] and path.is_file():
+                yield path
 
     def put(self, file: Path) -> str:
         """Move a file in and return its digest. A damaged object of the same name is replaced."""

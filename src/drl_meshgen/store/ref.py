@@ -9,14 +9,14 @@ from typing import Any
 
 from drl_meshgen.store.canonical import canonical, digest
 
-_DIGEST = re.compile(r"[0-9a-f]{64}")
+DIGEST = re.compile(r"[0-9a-f]{64}")
 _STAGE = re.compile(r"[a-z][a-z0-9_-]{0,63}")
 _PART = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}")
 
 
 def checked_digest(text: object) -> str:
     """Return a SHA-256 in hexadecimal unchanged; raises ValueError for anything else."""
-    if not isinstance(text, str) or not _DIGEST.fullmatch(text):
+    if not isinstance(text, str) or not DIGEST.fullmatch(text):
         raise ValueError(f"{text!r} is not a SHA-256 digest")
     return text
 

@@ -79,7 +79,8 @@ def _members(root: Path, module: str) -> tuple[list[str], dict[str, str]]:
 
 
 @lru_cache(maxsize=64)
-def _version(package: str) -> str:
+def installed_version(package: str) -> str:
+    """Return the version of a package; empty where no distribution has its name."""
     try:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
@@ -87,14 +88,8 @@ def _version(package: str) -> str:
 
 
 @lru_cache(maxsize=256)
-def source_digest(modules: tuple[str, ...], root: Path = PACKAGE) -> str:
-    """Return the SHA-256 over the source of `modules` and of everything they import within the package in `root`.
-
-    A package stands for all its modules and data files. Imports are followed wherever they stand in the text, so lazy
-    ones count; a module reached through an import does not pull in the `__init__` of its parent packages. Versions of
-    the other packages that are imported join the digest, because a new Gmsh or SciPy is another algorithm.
-    Computed once per process. Raises ValueError for a name that is not a module of the package.
-    """
+def _closure(modules: tuple[str, ...], root: Path) -> tuple[dict[str, str], dict[str, str]]:
+    """Return digests of modules, data files and what they import within the package, and versions of other packages."""
     pending, sources, versions = [], {}, {}
     for module in modules:
         if _locate(root, module) is None:
@@ -108,8 +103,29 @@ def source_digest(modules: tuple[str, ...], root: Path = PACKAGE) -> str:
             continue
         sources[module], inside, outside = _scan(root, module)
         pending += inside
-        versions.update({name: _version(name) for name in outside})
+        versions.update({name: installed_version(name) for name in outside})
+    return sources, versions
+
+
+def source_digest(modules: tuple[str, ...], root: Path = PACKAGE) -> str:
+    """Return the SHA-256 over the source of `modules` and of everything they import within the package in `root`.
+
+    A package stands for all its modules and data files. Imports are followed wherever they stand in the text, so lazy
+    ones count; a module reached through an import does not pull in the `__init__` of its parent packages. Versions of
+    the other packages that are imported join the digest, because a new Gmsh or SciPy is another algorithm.
+    Computed once per process. Raises ValueError for a name that is not a module of the package.
+    """
+    sources, versions = _closure(modules, root)
     return digest({"sources": sources, "versions": versions})
+
+
+def libraries(modules: tuple[str, ...], root: Path = PACKAGE) -> dict[str, str]:
+    """Return the versions of the other packages that `modules` and what they import depend on, by name.
+
+    Those are part of `source_digest`. Packages without a distribution of their name are left out.
+    """
+    versions = _closure(modules, root)[1]
+    return {name: versions[name] for name in sorted(versions) if versions[name]}
 
 
 @lru_cache(maxsize=256)

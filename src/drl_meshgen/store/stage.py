@@ -1,5 +1,7 @@
 """A stage of the pipeline, and how a chain of stages is run in this process."""
 
+import platform
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -8,9 +10,9 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from drl_meshgen.errors import InputError
-from drl_meshgen.store.canonical import digest
+from drl_meshgen.store.canonical import canonical, digest
 from drl_meshgen.store.ref import ArtifactRef, Recipe
-from drl_meshgen.store.source import function_source, source_digest
+from drl_meshgen.store.source import function_source, installed_version, libraries, source_digest
 from drl_meshgen.store.store import Store
 
 O = TypeVar("O")
@@ -75,6 +77,19 @@ class Stage(Generic[O, R]):
         """
         functions = [function_source(function) for function in (self.run, self.write, self.read)]
         return digest([source_digest(self.modules), *functions])
+
+    def made(self, options: O) -> dict[str, object]:
+        """Return what is recorded beside a result of this code now: versions, and the options as they were given.
+
+        Nothing of it enters the key. Options differ from the identity in the key where a file stands for its content.
+        """
+        return {
+            "code": installed_version("drl-meshgen"),
+            "python": platform.python_version(),
+            "platform": f"{sys.platform} {platform.machine()}",
+            "libraries": libraries(self.modules),
+            "options": canonical(options),
+        }
 
 
 @dataclass(frozen=True)
@@ -177,7 +192,7 @@ def stored(
         stage.write(result, folder)
         return stage.parts(result)
 
-    return store.run(stage.recipe(refs, options), compute)
+    return store.run(stage.recipe(refs, options), compute, stage.made(options))
 
 
 def execute(

@@ -1,7 +1,5 @@
 """The artifact store: computes what is missing or damaged, and only that."""
 
-import fcntl
-import json
 import os
 import shutil
 import tempfile
@@ -12,12 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from drl_meshgen.errors import MeshgenError
-from drl_meshgen.store.canonical import digest
+from drl_meshgen.store.locks import exclusive, present, refused, shared
 from drl_meshgen.store.objects import Objects, settle
+from drl_meshgen.store.record import Record, parsed
 from drl_meshgen.store.ref import ArtifactRef, Recipe, checked_digest, checked_output, checked_stage
 
 ENVIRONMENT = "DRL_MESHGEN_STORE"
 DEFAULT = "artifacts"
+USED_BY = "used-by-"
+"""Start of the names of folders in `tmp` whose owner is a process, see `present`."""
 
 
 class DamagedArtifactError(MeshgenError):
@@ -28,15 +29,6 @@ class DamagedArtifactError(MeshgenError):
         super().__init__(f"stored {output} of stage {ref.stage} is missing or damaged; run again to restore it")
 
 
-@contextmanager
-def exclusive(path: Path) -> Iterator[None]:
-    """Hold a lock file; others (threads and processes) wait. The kernel lets go of it when the holder dies."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("a") as handle:
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        yield
-
-
 class Store:
     """Records and objects below one folder.
 
@@ -44,10 +36,12 @@ class Store:
     objects/ab/<sha256>          content of output files, read-only
     records/<stage>/<key>.json   which outputs a recipe gave
     locks/<key>                  one computation at a time per key
+    locks/store, locks/user-*    nothing is removed while it is looked up, or that a living process has asked for
     tmp/                         unfinished work, never read
     ```
 
-    A record and everything it names is checked whenever it is read: damage of any kind is a miss.
+    A record and everything it names is checked whenever it is read: damage of any kind is a miss. The time of a
+    record's file is when it was last asked for.
     """
 
     def __init__(self, root: str | Path | None = None) -> None:
@@ -59,28 +53,60 @@ class Store:
         """Return the place of a record."""
         return self.root / "records" / checked_stage(stage) / f"{checked_digest(key)}.json"
 
-    def find(self, stage: str, key: str) -> ArtifactRef | None:
-        """Return the artifact of a key, or None where it was never computed or record or objects are damaged."""
-        record = self._record(stage, key)
+    @property
+    def guard(self) -> Path:
+        """Lock file that is shared while artifacts are looked up or added, and held alone while any are removed."""
+        return self.root / "locks" / "store"
+
+    def record(self, stage: str, key: str) -> Record | None:
+        """Return a record; None where it is absent, unreadable, altered, or not the record of this key."""
+        try:
+            content = self.record_path(stage, key).read_bytes()
+        except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
+            return None
+        return parsed(stage, key, content)
+
+    def look_up(self, stage: str, key: str) -> ArtifactRef | None:
+        """Return the same as `find`, without a trace that anybody asked."""
+        record = self.record(stage, key)
         if record is None:
             return None
-        ref = ArtifactRef(stage, key, record["outputs"])
-        return ref if all(self.objects.intact(sha) for sha in ref.outputs.values()) else None
+        return record.ref if all(self.objects.intact(sha) for sha in record.ref.outputs.values()) else None
+
+    def find(self, stage: str, key: str) -> ArtifactRef | None:
+        """Return the artifact of a key, or None where it was never computed or record or objects are damaged.
+
+        What it returns is not removed (`gc`) as long as this process lives.
+        """
+        if not self.root.is_dir():
+            return None
+        present(self.root / "locks")
+        with shared(self.guard):
+            ref = self.look_up(stage, key)
+            if ref is not None:
+                self._touch(ref)
+        return ref
 
     def seconds(self, ref: ArtifactRef) -> float:
         """Return how long the computation of an artifact took when it was made; NaN where its record is gone."""
-        record = self._record(ref.stage, ref.key)
-        return float("nan") if record is None else float(record["seconds"])
+        record = self.record(ref.stage, ref.key)
+        return float("nan") if record is None else record.seconds
 
     def parts(self, ref: ArtifactRef) -> dict[str, float]:
         """Return the seconds of the parts that `compute` told of; empty where it told of none or its record is gone."""
-        record = self._record(ref.stage, ref.key)
-        return {} if record is None else {name: float(seconds) for name, seconds in record["parts"].items()}
+        record = self.record(ref.stage, ref.key)
+        return {} if record is None else dict(record.parts)
 
-    def run(self, recipe: Recipe, compute: Callable[[Path], Mapping[str, float] | None]) -> ArtifactRef:
+    def run(
+        self,
+        recipe: Recipe,
+        compute: Callable[[Path], Mapping[str, float] | None],
+        made: Mapping[str, Any] | None = None,
+    ) -> ArtifactRef:
         """Return the artifact of a recipe; `compute(folder)` writes its files where the store has no sound ones.
 
         What it returns are seconds that parts of it took, by name: kept beside the artifact, where time belongs.
+        `made`, JSON data on the circumstances, is kept there too and changes no key.
 
         Whoever asks for the same key meanwhile, in this or another process, waits and gets the same artifact. If
         `compute` raises, nothing is kept. Raises ValueError where `compute` leaves no file or one with a name that
@@ -100,8 +126,11 @@ class Store:
                 parts = compute(folder)
                 seconds = time.perf_counter() - start
                 files = self._files(recipe.stage, folder)
-                ref = ArtifactRef(recipe.stage, recipe.key, {name: self.objects.put(files[name]) for name in files})
-                self._write_record(recipe, ref, {"seconds": seconds, "parts": dict(parts or {})}, work / "record.json")
+                with shared(self.guard):
+                    outputs = {name: self.objects.put(files[name]) for name in files}
+                    ref = ArtifactRef(recipe.stage, recipe.key, outputs)
+                    record = Record(ref, recipe, seconds, dict(parts or {}), dict(made or {}))
+                    self._keep(record, work / "record.json")
         return ref
 
     @contextmanager
@@ -110,11 +139,18 @@ class Store:
 
         Raises `DamagedArtifactError` where a file is missing or altered.
         """
-        (self.root / "tmp").mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix="read-", dir=self.root / "tmp") as place:
+        with self.scratch() as place:
             for name, sha in ref.outputs.items():
-                if not self.objects.give(sha, Path(place, name)):
+                if not self.objects.give(sha, place / name):
                     raise DamagedArtifactError(ref, name)
+            yield place
+
+    @contextmanager
+    def scratch(self) -> Iterator[Path]:
+        """Yield an empty folder in the store's file system; it is removed afterwards, by `gc` where that fails."""
+        (self.root / "tmp").mkdir(parents=True, exist_ok=True)
+        user = present(self.root / "locks")
+        with tempfile.TemporaryDirectory(prefix=f"{USED_BY}{user}-", dir=self.root / "tmp") as place:
             yield Path(place)
 
     def export(self, ref: ArtifactRef, folder: Path) -> None:
@@ -130,23 +166,16 @@ class Store:
                 shutil.copyfile(source / name, part)
                 part.replace(target)
 
-    def _record(self, stage: str, key: str) -> dict[str, Any] | None:
-        """Read a record; None where it is absent, unreadable, altered, or not the record of this key."""
-        try:
-            data = json.loads(self.record_path(stage, key).read_bytes())
-            recipe, outputs, seconds = data["recipe"], data["outputs"], data["seconds"]
-            parts = dict(data["parts"])
-            ArtifactRef(stage, key, outputs)
-        except (FileNotFoundError, ValueError, KeyError, TypeError, AttributeError):
-            return None
-        sound = digest(recipe) == key and data.get("digest") == digest({"recipe": recipe, "outputs": outputs})
-        record = {"recipe": recipe, "outputs": outputs, "seconds": seconds, "parts": parts}
-        return record if sound and outputs else None
+    def _keep(self, record: Record, draft: Path) -> None:
+        draft.write_text(record.to_json())
+        settle(draft, self.record_path(record.ref.stage, record.ref.key))
 
-    def _write_record(self, recipe: Recipe, ref: ArtifactRef, time_taken: Mapping[str, Any], draft: Path) -> None:
-        hashed = {"recipe": recipe.to_json(), "outputs": dict(ref.outputs)}
-        draft.write_text(json.dumps({**hashed, "digest": digest(hashed), **time_taken}, indent=1, sort_keys=True))
-        settle(draft, self.record_path(ref.stage, ref.key))
+    def _touch(self, ref: ArtifactRef) -> None:
+        try:
+            os.utime(self.record_path(ref.stage, ref.key))
+        except OSError as error:
+            if not refused(error):
+                raise
 
     @contextmanager
     def _workspace(self, key: str) -> Iterator[Path]:
