@@ -111,7 +111,7 @@ def test_a_change_elsewhere_leaves_the_digest_alone(tmp_path):
 
 def test_an_imported_library_joins_with_its_version(tmp_path, monkeypatch):
     before = digest_with(tmp_path, "one", {"base.py": "import numpy\n"})
-    monkeypatch.setattr("drl_meshgen.store.source._version", lambda _package: "other")
+    monkeypatch.setattr("drl_meshgen.store.source.installed_version", lambda _package: "other")
     assert before != digest_with(tmp_path, "two", {"base.py": "import numpy\n"})
 
 
