@@ -5,7 +5,23 @@ from typing import Annotated
 
 import typer
 
-from drl_meshgen.commands.arguments import EXIT_CODES, Debug, leave
+from drl_meshgen.commands.arguments import (
+    EXIT_CODES,
+    Config,
+    Counts,
+    Debug,
+    Fast,
+    FeatureAngle,
+    LayoutFile,
+    PolicyName,
+    Remesh,
+    Strict,
+    TargetEdge,
+    TargetQuads,
+    Triangles,
+    check_sizes,
+    leave,
+)
 
 app = typer.Typer(help="Look into the artifact store, check it, tidy it up.", no_args_is_help=True)
 
@@ -112,5 +128,79 @@ def gc(
         from drl_meshgen.store import Store
 
         return clean_up(Store(store), keep or [], size, dry_run=dry_run)
+
+    leave(command, debug=debug)
+
+
+@app.command(epilog=EXIT_CODES)
+def plan(
+    source: Annotated[str, typer.Argument(metavar="INPUT", help="Name of a model or file, as for `mesh`.")],
+    *,
+    target_quads: TargetQuads = None,
+    target_edge: TargetEdge = None,
+    triangles: Triangles = 25_000,
+    config: Config = None,
+    layout: LayoutFile = None,
+    count: Counts = None,
+    feature_angle: FeatureAngle = None,
+    fast: Fast = False,
+    policy: PolicyName = None,
+    remesh: Remesh = False,
+    strict: Strict = False,
+    store: Folder = None,
+    debug: Debug = False,
+) -> None:
+    """Say what `mesh` with the same options would compute, and why.
+
+    For every stage that is not in the store: the fields in which its recipe differs from the most similar one there.
+    """
+    check_sizes([source], target_quads, target_edge, layout)
+
+    def command() -> int:
+        from drl_meshgen.store import Store
+        from drl_meshgen.store.catalogue import existing
+
+        place = existing(Store(store))
+        typer.echo(f"{Path(source).name}: what a run would do")
+
+        from drl_meshgen.commands.settings import chosen
+        from drl_meshgen.commands.storing import explain
+
+        options = chosen(
+            config,
+            count or [],
+            target_quads,
+            target_edge,
+            feature_angle=feature_angle,
+            fast=fast,
+            policy=policy,
+            remesh=remesh,
+            strict=strict,
+        )
+        return explain(place, source, options, triangles, layout)
+
+    leave(command, debug=debug)
+
+
+@app.command(epilog=EXIT_CODES)
+def reproduce(
+    key: Key,
+    *,
+    source: Annotated[
+        Path | None, typer.Option("--input", metavar="FILE", help="Where the surface lies now, if it was moved.")
+    ] = None,
+    store: Folder = None,
+    debug: Debug = False,
+) -> None:
+    """Compute an artifact again from its recorded inputs and options, and compare bit by bit.
+
+    The exit code is 1 where it differs.
+    """
+
+    def command() -> int:
+        from drl_meshgen.commands.storing import recompute
+        from drl_meshgen.store import Store
+
+        return recompute(Store(store), key, source)
 
     leave(command, debug=debug)

@@ -4,7 +4,8 @@ import json
 import re
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -15,6 +16,10 @@ from drl_meshgen.store.compare import flattened
 from drl_meshgen.store.gc import gc
 from drl_meshgen.store.record import Record
 from drl_meshgen.store.verify import Fault, verify
+
+if TYPE_CHECKING:
+    from drl_meshgen.pipeline import MeshOptions
+    from drl_meshgen.store.explain import Step
 
 FINE, WRONG = 0, 1
 
@@ -180,4 +185,64 @@ def clean_up(store: Store, keep: Sequence[str], max_size: int | None, *, dry_run
         typer.echo(
             f"more than {size_text(max_size)} are left: {size_text(cleaning.kept)} are kept by name or in use", err=True
         )
+    return FINE
+
+
+def explain(store: Store, source: str, options: "MeshOptions", triangles: int, layout: Path | None) -> int:
+    """Print for every stage whether a run would find it in the store and, if not, what differs."""
+    from drl_meshgen.commands.layout_file import steered
+    from drl_meshgen.pipeline import STAGES, coarsened
+    from drl_meshgen.store.explain import Fate, plan
+
+    if layout is not None:
+        options = steered(options, layout, source, triangles)
+    else:
+        options = coarsened(options, source, triangles)
+    for step in plan(STAGES, options.by_stage(source, triangles), store):
+        key = "" if step.key is None else step.key[:SHORT]
+        typer.echo(f"{step.stage:<12} {key:<{SHORT}}  {step.fate.value}")
+        if step.fate is Fate.CACHED:
+            continue
+        for line in _why(step):
+            typer.echo(f"  {line}")
+    return FINE
+
+
+def _why(step: "Step") -> Iterable[str]:
+    if step.nearest is None:
+        yield "the store has nothing of this stage"
+        return
+    for one in step.differences:
+        yield f"{one.field}: {_shown(one.former)} -> {_shown(one.present)}"
+    if step.unknown:
+        yield f"given by {', '.join(step.unknown)}, which would run before"
+    elif not step.differences:
+        yield "it was computed, but its files are damaged or missing"
+    yield f"compared with {step.nearest.ref.key[:SHORT]}"
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, str) and re.fullmatch(r"[0-9a-f]{64}", value):
+        return value[:SHORT]
+    return "nothing" if value is None else json.dumps(value)
+
+
+def recompute(store: Store, key: str, source: Path | None) -> int:
+    """Compute an artifact again and print whether it is the same, bit by bit; the exit code is 1 where it is not."""
+    catalogue = Catalogue.of(store)
+    record = catalogue.named(key)
+    typer.echo(f"{record.ref.stage} {record.ref.key[:SHORT]}: computing it again, which took {record.seconds:.2f} s")
+
+    from drl_meshgen.pipeline import COMPARED_STAGES
+    from drl_meshgen.store.reproduce import reproduce
+
+    done = reproduce(COMPARED_STAGES, catalogue, record, store, source)
+    for sentence in done.different:
+        typer.echo(sentence)
+    if done.code_changed:
+        typer.echo("the code of the stage, or a library it uses, is not the one it was made with", err=True)
+    if done.different:
+        typer.echo(f"{len(done.different)} files differ, {len(done.same)} are the same", err=True)
+        return WRONG
+    typer.echo(f"the same: {len(done.same)} files, bit by bit")
     return FINE
