@@ -60,10 +60,9 @@ def _options(stage: Stage[Any, Any], record: Record, source: Path | None) -> Any
     text = record.made.get("options", record.recipe.options)
     try:
         options = restored(stage.options, json.loads(text))
-        whole = canonical(options) == text
     except (ValueError, KeyError, TypeError):
-        whole = False
-    if not whole:
+        options = None
+    if options is None or canonical(options) != text:
         raise InputError(record.ref.key[:SHORT], "its options are not recorded in a form this version reads")
     if source is None:
         return options
