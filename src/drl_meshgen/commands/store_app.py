@@ -204,3 +204,39 @@ def reproduce(
         return recompute(Store(store), key, source)
 
     leave(command, debug=debug)
+
+
+@app.command(epilog=EXIT_CODES)
+def push(
+    target: Annotated[str, typer.Argument(metavar="TARGET", help="Folder, or URL such as s3://bucket/prefix.")],
+    *,
+    store: Folder = None,
+    debug: Debug = False,
+) -> None:
+    """Copy artifacts to another place that lacks them."""
+
+    def command() -> int:
+        from drl_meshgen.commands.storing import copy_out
+        from drl_meshgen.store import Store
+
+        return copy_out(Store(store), target)
+
+    leave(command, debug=debug)
+
+
+@app.command(epilog=EXIT_CODES)
+def pull(
+    source: Annotated[str, typer.Argument(metavar="SOURCE", help="Folder, or URL such as s3://bucket/prefix.")],
+    *,
+    store: Folder = None,
+    debug: Debug = False,
+) -> None:
+    """Copy artifacts from another place, each checked before it counts."""
+
+    def command() -> int:
+        from drl_meshgen.commands.storing import copy_in
+        from drl_meshgen.store import Store
+
+        return copy_in(Store(store), source)
+
+    leave(command, debug=debug)

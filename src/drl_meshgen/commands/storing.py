@@ -11,10 +11,12 @@ import typer
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.store import Store
-from drl_meshgen.store.catalogue import SHORT, Catalogue
+from drl_meshgen.store.catalogue import SHORT, Catalogue, existing
 from drl_meshgen.store.compare import flattened
 from drl_meshgen.store.gc import gc
 from drl_meshgen.store.record import Record
+from drl_meshgen.store.remote import remote_at
+from drl_meshgen.store.transfer import Transfer, pull, push
 from drl_meshgen.store.verify import Fault, verify
 
 if TYPE_CHECKING:
@@ -90,14 +92,15 @@ def show(store: Store, key: str, *, as_json: bool) -> int:
 def _facts(store: Store, catalogue: Catalogue, record: Record) -> dict[str, Any]:
     origins = catalogue.origins(record)
     lineage = catalogue.lineage([record])
-    seeds = [json.loads(one.made["options"]).get("seed") for one in lineage if not one.recipe.inputs and one.made]
+    given = [json.loads(one.made.get("options", "{}")) for one in lineage if not one.recipe.inputs]
+    seeds = [options["seed"] for options in given if isinstance(options, dict) and "seed" in options]
     return {
         "stage": record.ref.stage,
         "key": record.ref.key,
         "version": record.recipe.version,
         "code": record.recipe.source,
         "made": {name: value for name, value in record.made.items() if name != "options"},
-        "seed": next((seed for seed in seeds if seed is not None), None),
+        "seed": seeds[0] if seeds else None,
         "options": json.loads(record.made.get("options", record.recipe.options)),
         "identity": json.loads(record.recipe.options),
         "inputs": {
@@ -246,3 +249,21 @@ def recompute(store: Store, key: str, source: Path | None) -> int:
         return WRONG
     typer.echo(f"the same: {len(done.same)} files, bit by bit")
     return FINE
+
+
+def copy_out(store: Store, target: str) -> int:
+    """Copy what a folder or a URL lacks; the exit code is 1 where something here is damaged and was not copied."""
+    existing(store)
+    return _copied(push(store, remote_at(target)), "sent")
+
+
+def copy_in(store: Store, source: str) -> int:
+    """Copy what this store lacks; the exit code is 1 where something there is damaged and was not copied."""
+    return _copied(pull(store, remote_at(source)), "fetched")
+
+
+def _copied(transfer: Transfer, done: str) -> int:
+    for sentence in transfer.refused:
+        typer.echo(sentence, err=True)
+    typer.echo(f"{done} {transfer.artifacts} artifacts, {transfer.objects} objects, {size_text(transfer.size)}")
+    return WRONG if transfer.refused else FINE

@@ -40,7 +40,17 @@ def parsed(stage: str, key: str, content: bytes) -> Record | None:
         sound = recipe.key == key == digest(given) and recipe.stage == stage
         sound = sound and data["digest"] == digest({"recipe": given, "outputs": outputs})
         parts = {name: float(seconds) for name, seconds in data["parts"].items()}
-        record = Record(ref, recipe, float(data["seconds"]), parts, dict(data.get("made", {})))
+        record = Record(ref, recipe, float(data["seconds"]), parts, _circumstances(data.get("made", {})))
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         return None
     return record if sound and outputs else None
+
+
+def _circumstances(made: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is recorded beside the digest, where it has the form that is written; else raise ValueError."""
+    json.loads(made.get("options", "null"))
+    libraries = made.get("libraries", {})
+    texts = [value for name, value in made.items() if name != "libraries"]
+    if not all(isinstance(value, str) for value in (*texts, *libraries.values())):
+        raise ValueError("circumstances are texts")
+    return dict(made)
