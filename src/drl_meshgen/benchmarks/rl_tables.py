@@ -207,7 +207,7 @@ AGAINST_SEARCHES = Plan(
     "Mean and standard deviation over the domains of a set. Orthogonality by the worst corner of a quad, and as the "
     "paper prints the formula. Ceiling: the better of CMA-ES and the gradient optimiser on each domain. Ours and the "
     "gradient optimiser may use waves and swells beyond the paper's parameters, the rule grading; the others may not. "
-    "Finished: with one more layer, after which every interior node moves by itself, as `fill` has it.",
+    "Finished: with one more layer, after which every interior node moves by itself, as the command fill does it.",
     (ORTHOGONALITY, PRINTED, SMOOTHNESS, SHAPE, FIT, VALID, REWARD, SHARE, TIME, BATCHED),
 )
 AGAINST_GMSH = Plan(
