@@ -1,3 +1,4 @@
+import errno
 import json
 import multiprocessing
 import os
@@ -189,6 +190,22 @@ def test_a_reference_survives_json(store):
 def test_equal_content_of_an_input_gives_an_equal_key(store):
     one, two = store.run(recipe(a=1), writer(x="same")), store.run(recipe(a=2), writer(x="same"))
     assert Recipe.of("next", 1, SOURCE, {"toy": one}, {}).key == Recipe.of("next", 1, SOURCE, {"toy": two}, {}).key
+
+
+def test_a_store_that_can_only_be_read_gives_what_it_has(store, monkeypatch):
+    ref = store.run(recipe(), writer(x="one"))
+    before = {path: path.stat().st_mtime_ns for path in store.root.rglob("*")}
+
+    def refusing(*_arguments, **_more):
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr("drl_meshgen.store.store.present", lambda _folder: None)
+    monkeypatch.setattr("os.utime", refusing)
+    assert store.run(recipe(), refuse) == ref
+    with store.folder(ref) as folder:
+        assert (folder / "x.txt").read_text() == "one"
+        assert store.root not in folder.parents
+    assert {path: path.stat().st_mtime_ns for path in store.root.rglob("*")} == before
 
 
 def test_the_environment_names_the_store(monkeypatch, tmp_path):

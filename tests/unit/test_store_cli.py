@@ -1,6 +1,7 @@
 """`drl-meshgen store`: what an operator sees of the store, and what damage and tidying up do to it."""
 
 import json
+import multiprocessing
 import os
 import subprocess
 import sys
@@ -331,6 +332,35 @@ def test_a_process_counts_as_a_user_until_it_ends(store, refs):
         assert free
     gc(store)
     assert not lock.exists()
+
+
+def _use(root, seed):
+    """Run chains with ever other options, each read back to the end, as long as somebody else tidies up."""
+    for turn in range(12):
+        options = {"double": DoubleOptions(times=(seed + turn) % 4)}
+        with_store = execute(STAGES, options, store=Store(root))
+        if with_store["total"] != execute(STAGES, options)["total"]:
+            raise ValueError("another result")
+
+
+def test_gc_beside_running_processes_loses_nothing_they_use(store, refs):
+    """Everything that is not in use goes at every turn, and no run notices."""
+    spawn = multiprocessing.get_context("spawn")
+    users = [spawn.Process(target=_use, args=(store.root, seed)) for seed in range(2)]
+    for user in users:
+        user.start()
+    removed = 0
+    while any(user.is_alive() for user in users):
+        for ref in refs.values():
+            path = store.record_path(ref.stage, ref.key)
+            if path.exists():
+                os.utime(path, ns=(OLD, OLD))
+        removed += len(gc(store, max_size=0).artifacts)
+    for user in users:
+        user.join()
+    assert [user.exitcode for user in users] == [0, 0]
+    assert removed
+    assert verify(store).damages == ()
 
 
 @pytest.mark.usefixtures("refs")

@@ -51,10 +51,13 @@ def shared(path: Path) -> Iterator[None]:
 
 @contextmanager
 def idle(path: Path) -> Iterator[bool]:
-    """Hold an existing lock file unless somebody else does, and tell which."""
+    """Hold an existing lock file unless somebody else does, and tell which.
+
+    A file that may not be opened belongs to another user, who is taken to hold it.
+    """
     try:
         handle = path.open("r")
-    except FileNotFoundError:
+    except (FileNotFoundError, PermissionError):
         yield False
         return
     with handle:

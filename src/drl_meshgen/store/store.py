@@ -147,10 +147,15 @@ class Store:
 
     @contextmanager
     def scratch(self) -> Iterator[Path]:
-        """Yield an empty folder in the store's file system; it is removed afterwards, by `gc` where that fails."""
-        (self.root / "tmp").mkdir(parents=True, exist_ok=True)
+        """Yield an empty folder; it is removed afterwards, by `gc` where that fails.
+
+        It lies in the store's file system, but elsewhere where the store can only be read.
+        """
         user = present(self.root / "locks")
-        with tempfile.TemporaryDirectory(prefix=f"{USED_BY}{user}-", dir=self.root / "tmp") as place:
+        where = None if user is None else self.root / "tmp"
+        if where is not None:
+            where.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f"{USED_BY}{user}-", dir=where) as place:
             yield Path(place)
 
     def export(self, ref: ArtifactRef, folder: Path) -> None:
@@ -173,6 +178,8 @@ class Store:
     def _touch(self, ref: ArtifactRef) -> None:
         try:
             os.utime(self.record_path(ref.stage, ref.key))
+        except FileNotFoundError:  # removed by hand
+            pass
         except OSError as error:
             if not refused(error):
                 raise
