@@ -81,6 +81,8 @@ def leave(command: Callable[[], int], *, debug: bool) -> None:
     except MeshgenError as error:
         typer.echo(str(error), err=True)
         code = error.exit_code
+    except BrokenPipeError:  # `| head` has seen enough; typer ends quietly
+        raise
     except OSError as error:
         typer.echo(f"{error.strerror or error}: {error.filename or ''}".rstrip(": "), err=True)
         if debug:
