@@ -67,7 +67,7 @@ def policy_of(method: str, folder: Path) -> Chooser | None:
     elif method in {OURS, FINISHED} and not SHIPPED.is_file():
         return None
     else:
-        finer = AgentOptions(layers=(LAYERS,))
+        finer = AgentOptions(layers=(LAYERS,), layers_then=(LAYERS, LAYERS + 1))
         policy = read_policy(SHIPPED, finer) if method == FINISHED else policy_named(POLICIES[method])
         policy.transition(SQUARE, 0, ON_SQUARE)
     finished(instantiated(SQUARE, policy.choose(SQUARE)), len(SQUARE))

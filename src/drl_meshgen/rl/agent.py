@@ -73,6 +73,8 @@ class AgentOptions:
     """Choices of corners whose value is computed, at most."""
     layers: tuple[int, ...] = (3,)
     """Numbers of layers that are placed and judged."""
+    layers_then: tuple[int, ...] = (3, 5)
+    """As many where none of these makes a valid mesh."""
     layers_again: tuple[int, ...] = (3, 5, 8)
     """As many where none of these makes a valid mesh."""
     sized_tried: int = 1
@@ -86,7 +88,7 @@ class AgentOptions:
     def rounds(self) -> tuple[tuple[int, tuple[int, ...]], ...]:
         """Choices of corners and numbers of layers of each round; one comes if those before it had no valid mesh."""
         first = min(self.tried_first, self.tried)
-        return (first, self.layers), (self.tried, self.layers), (self.tried_again, self.layers_again)
+        return (first, self.layers), (self.tried, self.layers_then), (self.tried_again, self.layers_again)
 
 
 class AgentPolicy:
