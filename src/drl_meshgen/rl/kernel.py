@@ -56,7 +56,11 @@ class Judged:
     @property
     def best(self) -> int:
         """The valid mesh of highest reward; where none is valid that of highest reward less penalty."""
-        return int(np.lexsort((self.penalty - self.reward, ~self.valid))[0])
+        return self.preferred(0.0)
+
+    def preferred(self, least: float) -> int:
+        """Return the best mesh where its worst corner counts as well, by this weight; the reward knows means alone."""
+        return int(np.lexsort((self.penalty - self.reward - least * self.least, ~self.valid))[0])
 
 
 def judge_o(  # noqa: PLR0917 - what fixes a mesh, in the order of `OParameters`

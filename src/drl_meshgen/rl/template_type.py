@@ -8,13 +8,14 @@ import numpy as np
 from jaxtyping import Float
 
 from drl_meshgen.errors import InputError
+from drl_meshgen.rl.transitions import LEAST
 from drl_meshgen.templates.c_type import CParameters, CSides
 from drl_meshgen.templates.domain import Domain
 from drl_meshgen.templates.fill import instantiated
 from drl_meshgen.templates.mesh import TemplateMesh
 from drl_meshgen.templates.o_type import OParameters
 from drl_meshgen.templates.policy import TemplatePolicy
-from drl_meshgen.templates.score import reward
+from drl_meshgen.templates.score import corner_edges, jacobians, reward
 
 SHARP: Final = np.radians(30)
 """Least turn of the boundary at a node that may be a corner."""
@@ -52,7 +53,7 @@ class Template(StrEnum):
     """What a domain is filled by."""
 
     AUTO = "auto"
-    """The type whose mesh has the higher reward, valid ones first."""
+    """The type whose mesh is worth more, valid ones first."""
     O_TYPE = "o"
     C_TYPE = "c"
 
@@ -62,7 +63,8 @@ def template_for(
 ) -> OParameters | CParameters:
     """Return what a policy chooses for a domain; `layers` are those of an O-type mesh.
 
-    Raises `InputError` for an odd number of nodes, and for a domain without the four corners that C-type needs.
+    Of both types that of higher reward is taken, the worst corner counting as in the choice of counts. Raises
+    `InputError` for an odd number of nodes, and for a domain without the four corners that C-type needs.
     """
     ways = [] if template is Template.O_TYPE else four_sides(domain)
     if template is Template.C_TYPE and not ways:
@@ -75,4 +77,8 @@ def template_for(
 
 
 def _worth(mesh: TemplateMesh) -> tuple[bool, float]:
-    return mesh.valid, float(reward(np.array(mesh.points), np.array(mesh.quads)))
+    """Return whether a mesh is valid, and its reward, the worst corner counting as well."""
+    points, quads = np.array(mesh.points), np.array(mesh.quads)
+    ahead, _ = corner_edges(points, quads)
+    side = np.linalg.norm(ahead, axis=-1).mean(axis=-1, keepdims=True)
+    return mesh.valid, float(reward(points, quads) + LEAST * (jacobians(points, quads) / side**2).min())

@@ -19,6 +19,8 @@ GRID: Final = np.array(list(product((0.12, 0.3, 0.5, 0.75), (0.3, 0.5, 0.7), (0.
 """Shares that are tried first: of the top for the middle, of the rest for its left, of the rows for those below."""
 STEPS: Final = ((0.09, 0.1, 0.1), (0.04, 0.05, 0.05))
 """How far around the best shares are tried next, round by round."""
+LEAST: Final = 0.03
+"""Weight of the worst corner (least Jacobian over squared mean side) in the choice of counts."""
 
 
 def counts_at(sides: CSides, shares: Float[np.ndarray, "s 3"]) -> list[CCounts]:
@@ -69,6 +71,7 @@ def best_transition(
 ) -> CParameters | None:
     """Return the best that is proposed for the counts, or for any that sides allow; None where no mesh is valid.
 
+    Counts that leave a flat core have few bad quads, which a mean hardly sees: the worst corner counts by `LEAST`.
     Raises `InputError` for sides that no C-type mesh fits.
     """
     nodes = domain.frame.to_local(domain.nodes)
@@ -77,9 +80,10 @@ def best_transition(
     else:
         found, judged = proposed(placement, nodes, start, counts_at(cells.checked(), GRID), weights)
         for step in STEPS:
-            near = counts_at(cells, shares_around(found[judged.best].counts, step))
+            near = counts_at(cells, shares_around(found[judged.preferred(LEAST)].counts, step))
             found, judged = proposed(placement, nodes, start, near, weights)
-    return _in_plane(domain, found[judged.best]) if judged.valid[judged.best] else None
+    best = judged.preferred(LEAST)
+    return _in_plane(domain, found[best]) if judged.valid[best] else None
 
 
 def ascended_transition(
