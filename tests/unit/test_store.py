@@ -30,11 +30,6 @@ def refuse(_folder):
     pytest.fail("computed although the store has it")
 
 
-@pytest.fixture
-def store(tmp_path):
-    return Store(tmp_path / "store")
-
-
 def object_files(store):
     return sorted(p for p in (store.root / "objects").rglob("*") if p.is_file())
 

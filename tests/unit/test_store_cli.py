@@ -8,9 +8,7 @@ import sys
 from dataclasses import replace
 
 import pytest
-from typer.testing import CliRunner
 
-from drl_meshgen.cli import app
 from drl_meshgen.commands.storing import bytes_of, size_text
 from drl_meshgen.errors import InputError
 from drl_meshgen.store import Recipe, Store, execute
@@ -23,20 +21,6 @@ from tests.flow.toys import STAGES, DoubleOptions, NumberOptions
 
 OLD = 10**18
 """A time (ns) before any process of today began."""
-
-
-def run(store, *arguments):
-    return CliRunner().invoke(app, ["store", *[str(a) for a in arguments], "--store", str(store.root)])
-
-
-@pytest.fixture
-def store(tmp_path):
-    return Store(tmp_path / "store")
-
-
-@pytest.fixture
-def refs(store):
-    return execute(STAGES, store=store).refs
 
 
 def aged(store, ages):
@@ -73,7 +57,7 @@ DAMAGES = {
 # ls
 
 
-def test_every_artifact_is_listed_with_the_surface_it_came_from(store, refs):
+def test_every_artifact_is_listed_with_the_surface_it_came_from(run, store, refs):
     execute(STAGES, {"number": NumberOptions("four")}, store=store)
     lines = run(store, "ls").stdout.splitlines()
     assert len(lines) == 6
@@ -82,7 +66,7 @@ def test_every_artifact_is_listed_with_the_surface_it_came_from(store, refs):
     assert refs["total"].key[:12] in run(store, "ls").stdout
 
 
-def test_lists_can_be_of_one_stage_or_one_surface_and_in_json(store, refs):
+def test_lists_can_be_of_one_stage_or_one_surface_and_in_json(run, store, refs):
     execute(STAGES, {"number": NumberOptions("four")}, store=store)
     rows = json.loads(run(store, "ls", "--stage", "double", "--input", "three", "--json").stdout)
     assert [(row["stage"], row["key"], row["input"]) for row in rows] == [("double", refs["double"].key, ["three"])]
@@ -93,7 +77,7 @@ def test_lists_can_be_of_one_stage_or_one_surface_and_in_json(store, refs):
 # show
 
 
-def test_an_artifact_tells_where_it_comes_from(store, refs):
+def test_an_artifact_tells_where_it_comes_from(run, store, refs):
     facts = json.loads(run(store, "show", refs["total"].key, "--json").stdout)
     assert facts["inputs"]["double"]["keys"] == [refs["double"].key]
     assert {one["stage"] for one in facts["made_from"]} == {"number", "double"}
@@ -107,13 +91,13 @@ def test_an_artifact_tells_where_it_comes_from(store, refs):
     assert refs["number"].key[:12] in told.stdout
 
 
-def test_options_that_stay_out_of_the_key_are_told_too(store, refs):
+def test_options_that_stay_out_of_the_key_are_told_too(run, store, refs):
     facts = json.loads(run(store, "show", refs["number"].key, "--json").stdout)
     assert facts["options"]["delay"] == 0.0
     assert "delay" not in facts["identity"]
 
 
-def test_a_record_of_old_that_tells_of_no_versions_is_still_shown(store, refs):
+def test_a_record_of_old_that_tells_of_no_versions_is_still_shown(run, store, refs):
     path = store.record_path("total", refs["total"].key)
     rewritten(path, lambda content: json.dumps({k: v for k, v in json.loads(content).items() if k != "made"}).encode())
     told = run(store, "show", refs["total"].key)
@@ -123,13 +107,13 @@ def test_a_record_of_old_that_tells_of_no_versions_is_still_shown(store, refs):
 
 @pytest.mark.usefixtures("refs")
 @pytest.mark.parametrize("key", ["zz", "", "../x", "0" * 64])
-def test_an_unknown_id_is_bad_input(store, key):
+def test_an_unknown_id_is_bad_input(run, store, key):
     result = run(store, "show", key)
     assert result.exit_code == 3
     assert len(result.stderr.splitlines()) == 1
 
 
-def test_an_ambiguous_prefix_is_bad_input(store):
+def test_an_ambiguous_prefix_is_bad_input(run, store):
     keys = [toy(store, n) for n in range(17)]
     first = [ref.key[0] for ref in keys]
     twice = next(digit for digit in first if first.count(digit) > 1)
@@ -139,7 +123,7 @@ def test_an_ambiguous_prefix_is_bad_input(store):
 
 
 @pytest.mark.parametrize("command", [["ls"], ["show", "00"], ["verify"], ["gc"]])
-def test_a_folder_that_is_no_store_is_bad_input(tmp_path, command):
+def test_a_folder_that_is_no_store_is_bad_input(run, tmp_path, command):
     result = run(Store(tmp_path / "none"), *command)
     assert result.exit_code == 3
     assert "is no artifact store" in result.stderr
@@ -159,14 +143,14 @@ def test_an_input_made_in_two_ways_is_traced_to_both(store):
 
 
 @pytest.mark.usefixtures("refs")
-def test_a_sound_store_is_found_sound(store):
+def test_a_sound_store_is_found_sound(run, store):
     result = run(store, "verify")
     assert result.exit_code == 0
     assert "3 records and 3 objects are sound; 0 objects are unused" in result.stdout
 
 
 @pytest.mark.parametrize("damage", [name for name in DAMAGES if name != "bit flipped"] + ["removed"])
-def test_every_damage_to_an_object_is_found_and_repaired(store, refs, damage):
+def test_every_damage_to_an_object_is_found_and_repaired(run, store, refs, damage):
     path = store.objects.path(refs["double"].outputs["value.json"])
     if damage == "removed":
         path.unlink()
@@ -190,7 +174,7 @@ def test_every_flipped_bit_of_an_object_is_found(store, refs, bit):
 
 
 @pytest.mark.parametrize("damage", list(DAMAGES))
-def test_every_damage_to_a_record_is_found_and_repaired(store, refs, damage):
+def test_every_damage_to_a_record_is_found_and_repaired(run, store, refs, damage):
     path = store.record_path("double", refs["double"].key)
     if damage == "bit flipped":
         rewritten(path, lambda content: content.replace(b'"value.json"', b'"valud.json"'))
@@ -214,7 +198,7 @@ def test_a_removed_record_leaves_objects_that_nobody_names(store, refs):
 
 
 @pytest.mark.usefixtures("refs")
-def test_files_that_are_not_the_store_s_are_told_and_left_alone(store):
+def test_files_that_are_not_the_store_s_are_told_and_left_alone(run, store):
     strange = [
         store.root / "objects/ab/notes.txt",
         store.root / "records/notes.json",
@@ -267,7 +251,7 @@ def test_gc_removes_nothing_before_what_was_made_from_it(store, refs):
     assert [record.ref.stage for record in gone] == ["total", "double", "number"]
 
 
-def test_gc_keeps_an_artifact_and_all_it_was_made_from(store, refs):
+def test_gc_keeps_an_artifact_and_all_it_was_made_from(run, store, refs):
     aged(store, dict.fromkeys(refs.values(), 1))
     assert run(store, "gc", "--keep", refs["double"].key[:16], "--max-size", "0").exit_code == 0
     left = {record.ref.stage for record in Catalogue.of(store).records}
@@ -292,7 +276,7 @@ def test_gc_keeps_what_a_living_process_has_asked_for(store, refs):
     assert cleaning.size == cleaning.kept > 0
 
 
-def test_gc_in_a_dry_run_changes_nothing(store, refs):
+def test_gc_in_a_dry_run_changes_nothing(run, store, refs):
     aged(store, dict.fromkeys(refs.values(), 1))
     before = sorted(str(path) for path in store.root.rglob("*"))
     told = run(store, "gc", "--max-size", "0", "--dry-run")
@@ -364,7 +348,7 @@ def test_gc_beside_running_processes_loses_nothing_they_use(store, refs):
 
 
 @pytest.mark.usefixtures("refs")
-def test_a_size_that_is_none_is_a_usage_error(store):
+def test_a_size_that_is_none_is_a_usage_error(run, store):
     assert run(store, "gc", "--max-size", "lots").exit_code == 2
 
 

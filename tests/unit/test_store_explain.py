@@ -4,9 +4,7 @@ import json
 from dataclasses import fields, replace
 
 import pytest
-from typer.testing import CliRunner
 
-from drl_meshgen.cli import app
 from drl_meshgen.decompose import DecomposeOptions
 from drl_meshgen.decompose.zones import Zone
 from drl_meshgen.errors import InputError
@@ -21,20 +19,6 @@ from drl_meshgen.store.reproduce import reproduce
 from drl_meshgen.store.restore import restored
 from tests.flow.toys import DOUBLE, STAGES, DoubleOptions, NumberOptions
 from tests.strategies import flat_disk
-
-
-def run(store, *arguments):
-    return CliRunner().invoke(app, ["store", *[str(a) for a in arguments], "--store", str(store.root)])
-
-
-@pytest.fixture
-def store(tmp_path):
-    return Store(tmp_path / "store")
-
-
-@pytest.fixture
-def refs(store):
-    return execute(STAGES, store=store).refs
 
 
 @pytest.fixture
@@ -101,7 +85,7 @@ def test_a_plan_leaves_no_trace(store):
 
 
 @pytest.mark.usefixtures("cleaned")
-def test_the_plan_of_a_file_says_what_a_run_would_do(store, disk):
+def test_the_plan_of_a_file_says_what_a_run_would_do(run, store, disk):
     told = run(store, "plan", disk, "--target-quads", 100)
     assert told.exit_code == 0
     lines = told.stdout.splitlines()
@@ -115,7 +99,7 @@ def test_the_plan_of_a_file_says_what_a_run_would_do(store, disk):
 
 
 @pytest.mark.usefixtures("cleaned")
-def test_plans_of_nothing_are_bad_input(store, tmp_path):
+def test_plans_of_nothing_are_bad_input(run, store, tmp_path):
     assert run(store, "plan", tmp_path / "none.stl").exit_code == 3
     assert run(Store(tmp_path / "none"), "plan", "hemisphere").exit_code == 3
 
@@ -123,14 +107,14 @@ def test_plans_of_nothing_are_bad_input(store, tmp_path):
 # reproduce
 
 
-def test_an_artifact_is_computed_again_from_its_record_alone(store, cleaned):
+def test_an_artifact_is_computed_again_from_its_record_alone(run, store, cleaned):
     for ref in cleaned.values():
         told = run(store, "reproduce", ref.key)
         assert told.exit_code == 0, told.output
         assert "the same: 2 files, bit by bit" in told.stdout
 
 
-def test_a_moved_surface_is_named_and_another_one_refused(store, cleaned, disk):
+def test_a_moved_surface_is_named_and_another_one_refused(run, store, cleaned, disk):
     key = cleaned["model"].key
     (disk.parent / "moved").mkdir()
     moved = disk.rename(disk.parent / "moved" / disk.name)
@@ -169,7 +153,7 @@ def test_an_input_that_is_gone_is_bad_input(store, refs):
         again(store, refs["double"])
 
 
-def test_a_stage_of_another_pipeline_is_bad_input(store, refs):
+def test_a_stage_of_another_pipeline_is_bad_input(run, store, refs):
     told = run(store, "reproduce", refs["double"].key)
     assert told.exit_code == 3
     assert "no stage of the pipeline" in told.stderr

@@ -5,28 +5,12 @@ import json
 import uuid
 
 import pytest
-from typer.testing import CliRunner
 
-from drl_meshgen.cli import app
 from drl_meshgen.store import Store, execute
 from drl_meshgen.store.remote import remote_at
 from drl_meshgen.store.transfer import LARGEST_RECORD, pull, push
 from drl_meshgen.store.verify import verify
 from tests.flow.toys import STAGES, NumberOptions
-
-
-def run(store, *arguments):
-    return CliRunner().invoke(app, ["store", *[str(a) for a in arguments], "--store", str(store.root)])
-
-
-@pytest.fixture
-def store(tmp_path):
-    return Store(tmp_path / "store")
-
-
-@pytest.fixture
-def refs(store):
-    return execute(STAGES, store=store).refs
 
 
 @pytest.fixture
@@ -40,7 +24,7 @@ def place(request, tmp_path):
     return {"folder": str(where), "url": f"memory://{uuid.uuid4()}/deep", "file url": where.as_uri()}[request.param]
 
 
-def test_what_was_pushed_is_pulled_under_the_same_ids(store, refs, other, place):
+def test_what_was_pushed_is_pulled_under_the_same_ids(run, store, refs, other, place):
     assert run(store, "push", place).exit_code == 0
     told = run(other, "pull", place)
     assert told.exit_code == 0
@@ -69,7 +53,7 @@ def test_the_same_run_on_two_machines_has_nothing_to_copy(store, other):
 
 
 @pytest.mark.parametrize("change", [lambda c: c[:-1], lambda c: c[:-1] + b"7", lambda _c: b"", None])
-def test_a_damaged_object_is_neither_pulled_nor_pushed(store, refs, other, change):
+def test_a_damaged_object_is_neither_pulled_nor_pushed(run, store, refs, other, change):
     path = store.objects.path(refs["double"].outputs["value.json"])
     content = path.read_bytes()
     path.unlink()
@@ -131,7 +115,7 @@ def test_names_that_are_not_the_store_s_are_passed_over(store, other):
     assert not list(other.root.parent.glob("evil*"))
 
 
-def test_pulled_circumstances_cannot_break_show(store, refs, other):
+def test_pulled_circumstances_cannot_break_show(run, store, refs, other):
     path = store.record_path("total", refs["total"].key)
     data = json.loads(path.read_text())
     path.unlink()
@@ -140,7 +124,7 @@ def test_pulled_circumstances_cannot_break_show(store, refs, other):
     assert run(other, "ls").exit_code == 0
 
 
-def test_a_place_without_a_store_is_bad_input(store, place):
+def test_a_place_without_a_store_is_bad_input(run, store, place):
     for arguments in (("pull", place), ("push", place)):
         told = run(store, *arguments)
         assert told.exit_code == 3
@@ -148,14 +132,14 @@ def test_a_place_without_a_store_is_bad_input(store, place):
 
 
 @pytest.mark.usefixtures("refs")
-def test_an_unknown_kind_of_url_is_bad_input(store):
+def test_an_unknown_kind_of_url_is_bad_input(run, store):
     told = run(store, "push", "nowhere://bucket")
     assert told.exit_code == 3
     assert "nowhere://" in told.stderr
 
 
 @pytest.mark.usefixtures("refs")
-def test_a_folder_needs_no_fsspec_and_a_url_says_so(store, other, monkeypatch):
+def test_a_folder_needs_no_fsspec_and_a_url_says_so(run, store, other, monkeypatch):
     real = builtins.__import__
 
     def without(name, *arguments, **more):
@@ -171,7 +155,7 @@ def test_a_folder_needs_no_fsspec_and_a_url_says_so(store, other, monkeypatch):
 
 
 @pytest.mark.usefixtures("refs")
-def test_a_backend_that_is_not_installed_is_named(store, monkeypatch):
+def test_a_backend_that_is_not_installed_is_named(run, store, monkeypatch):
     def missing(_place):
         raise ImportError("Install s3fs to access S3")
 

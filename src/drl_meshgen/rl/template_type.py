@@ -15,7 +15,7 @@ from drl_meshgen.templates.fill import instantiated
 from drl_meshgen.templates.mesh import TemplateMesh
 from drl_meshgen.templates.o_type import OParameters
 from drl_meshgen.templates.policy import TemplatePolicy
-from drl_meshgen.templates.score import corner_edges, jacobians, reward
+from drl_meshgen.templates.score import least_jacobian, reward
 
 SHARP: Final = np.radians(30)
 """Least turn of the boundary at a node that may be a corner."""
@@ -79,6 +79,4 @@ def template_for(
 def _worth(mesh: TemplateMesh) -> tuple[bool, float]:
     """Return whether a mesh is valid, and its reward, the worst corner counting as well."""
     points, quads = np.array(mesh.points), np.array(mesh.quads)
-    ahead, _ = corner_edges(points, quads)
-    side = np.linalg.norm(ahead, axis=-1).mean(axis=-1, keepdims=True)
-    return mesh.valid, float(reward(points, quads) + LEAST * (jacobians(points, quads) / side**2).min())
+    return mesh.valid, float(reward(points, quads) + LEAST * least_jacobian(points, quads).min())

@@ -89,7 +89,12 @@ def validity_penalty(points: Float[np.ndarray, "*b p 2"], quads: Int[np.ndarray,
 
     Not in the paper, whose reward says nothing about how far a mesh is from being valid.
     """
+    lack = np.maximum(LEAST_JACOBIAN - least_jacobian(points, quads), 0.0)
+    return PENALTY * lack.mean(axis=-1)
+
+
+def least_jacobian(points: Float[np.ndarray, "*b p 2"], quads: Int[np.ndarray, "m 4"]) -> Float[np.ndarray, "*b m"]:
+    """Return the least corner Jacobian of each quad over its squared mean side: 1 for a square, positive if valid."""
     ahead, behind = corner_edges(points, quads)
     side = np.linalg.norm(ahead, axis=-1).mean(axis=-1)
-    lack = np.maximum(LEAST_JACOBIAN - cross(ahead, behind).min(axis=-1) / side**2, 0.0)
-    return PENALTY * lack.mean(axis=-1)
+    return cross(ahead, behind).min(axis=-1) / side**2
