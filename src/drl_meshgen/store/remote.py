@@ -3,7 +3,7 @@
 import re
 import shutil
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -53,7 +53,7 @@ def remote_at(place: str) -> Remote:
         raise InputError(place, f"{scheme}:// needs a package that is not installed ({error})") from None
     except ValueError as error:
         raise InputError(place, f"{scheme}:// is not known ({error})") from None
-    return UrlRemote(system, root)
+    return UrlRemote(place, system, root)
 
 
 class FolderRemote:
@@ -87,12 +87,21 @@ class FolderRemote:
 class UrlRemote:
     """A store in a file system of fsspec."""
 
-    def __init__(self, system: Any, root: str) -> None:
-        self._system, self._root = system, root.rstrip("/")
+    def __init__(self, place: str, system: Any, root: str) -> None:
+        self._place, self._system, self._root = place, system, root.rstrip("/")
+
+    @contextmanager
+    def _asked(self) -> Iterator[None]:
+        """Turn into OSError what fails at the other side: each back end of fsspec has errors of its own libraries."""
+        try:
+            yield
+        except Exception as error:
+            raise OSError(f"{self._place}: {error}") from error
 
     def sizes(self) -> dict[str, int]:
         """Return the bytes of every file of the store."""
-        return dict(self._sizes())
+        with self._asked():
+            return dict(self._sizes())
 
     def _sizes(self) -> Iterator[tuple[str, int]]:
         for folder in ("records", "objects"):
@@ -104,13 +113,15 @@ class UrlRemote:
 
     def fetch(self, name: str, target: Path) -> None:
         """Copy a file here."""
-        self._system.get_file(f"{self._root}/{name}", str(target))
+        with self._asked():
+            self._system.get_file(f"{self._root}/{name}", str(target))
 
     def send(self, source: Path, name: str) -> None:
         """Copy a file there; buckets show it only when it is whole."""
         path = f"{self._root}/{name}"
-        self._system.makedirs(path.rpartition("/")[0], exist_ok=True)
-        self._system.put_file(str(source), path)
+        with self._asked():
+            self._system.makedirs(path.rpartition("/")[0], exist_ok=True)
+            self._system.put_file(str(source), path)
 
     def at_work(self) -> AbstractContextManager[None]:
         """Do nothing: nobody tidies up there."""
