@@ -21,6 +21,7 @@ from drl_meshgen.commands.arguments import (
     Out,
     PolicyName,
     Remesh,
+    Seed,
     StoreFolder,
     Strict,
     TargetEdge,
@@ -63,9 +64,7 @@ def mesh(
     target_quads: TargetQuads = None,
     target_edge: TargetEdge = None,
     triangles: Triangles = 25_000,
-    seed: Annotated[
-        int | None, typer.Option(metavar="S", help="Seed of whatever is random, recorded with the options.")
-    ] = None,
+    seed: Seed = None,
     config: Config = None,
     layout: LayoutFile = None,
     count: Counts = None,

@@ -99,6 +99,18 @@ def test_the_plan_of_a_file_says_what_a_run_would_do(run, store, disk):
 
 
 @pytest.mark.usefixtures("cleaned")
+def test_a_plan_takes_what_mesh_takes(run, store, disk):
+    def stages(*options):
+        told = run(store, "plan", disk, "--target-quads", 100, *options)
+        return [line.split()[0] for line in told.stdout.splitlines()[1:] if not line.startswith(" ")]
+
+    assert stages("--compare") == [*stages(), "comparison"]
+    limited = run(store, "plan", disk, "--target-quads", 100, "--blocks", 40, "--max-irregular", 40)
+    assert limited.exit_code == 0
+    assert run(store, "plan", disk, "--target-quads", 100, "--seed", 8).exit_code == 0
+
+
+@pytest.mark.usefixtures("cleaned")
 def test_plans_of_nothing_are_bad_input(run, store, tmp_path):
     assert run(store, "plan", tmp_path / "none.stl").exit_code == 3
     assert run(Store(tmp_path / "none"), "plan", "hemisphere").exit_code == 3

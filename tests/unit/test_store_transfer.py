@@ -45,6 +45,14 @@ def test_only_what_is_missing_is_copied(store, refs, other, place):
     assert pull(other, remote_at(place)).artifacts == 1
 
 
+def test_one_artifact_is_pushed_with_all_it_was_made_from(run, store, refs, other, place):
+    execute(STAGES, {"number": NumberOptions("four")}, store=store)
+    assert "sent 3 artifacts" in run(store, "push", place, "--only", refs["total"].key[:12]).stdout
+    run(other, "pull", place)
+    assert execute(STAGES, store=other).refs == refs
+    assert run(store, "push", place, "--only", "0000").exit_code == 3
+
+
 def test_the_same_run_on_two_machines_has_nothing_to_copy(store, other):
     execute(STAGES, store=store)
     execute(STAGES, store=other)

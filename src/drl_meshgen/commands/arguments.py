@@ -45,6 +45,9 @@ Blocks = Annotated[
 MaxIrregular = Annotated[
     int | None, typer.Option(metavar="N", min=1, help="Coarsen the layout until it has at most N irregular nodes.")
 ]
+Seed = Annotated[
+    int | None, typer.Option("--seed", metavar="S", help="Seed of whatever is random, recorded with the options.")
+]
 Fast = Annotated[bool, typer.Option("--fast", help="Half the time, somewhat worse quads.")]
 PolicyName = Annotated[
     str | None,

@@ -7,14 +7,17 @@ import typer
 
 from drl_meshgen.commands.arguments import (
     EXIT_CODES,
+    Blocks,
     Config,
     Counts,
     Debug,
     Fast,
     FeatureAngle,
     LayoutFile,
+    MaxIrregular,
     PolicyName,
     Remesh,
+    Seed,
     Strict,
     TargetEdge,
     TargetQuads,
@@ -139,13 +142,17 @@ def plan(
     target_quads: TargetQuads = None,
     target_edge: TargetEdge = None,
     triangles: Triangles = 25_000,
+    seed: Seed = None,
     config: Config = None,
     layout: LayoutFile = None,
     count: Counts = None,
+    blocks: Blocks = None,
+    max_irregular: MaxIrregular = None,
     feature_angle: FeatureAngle = None,
     fast: Fast = False,
     policy: PolicyName = None,
     remesh: Remesh = False,
+    compare: Annotated[bool, typer.Option("--compare", help="A run that also has Gmsh's methods.")] = False,
     strict: Strict = False,
     store: Folder = None,
     debug: Debug = False,
@@ -171,13 +178,16 @@ def plan(
             count or [],
             target_quads,
             target_edge,
+            seed,
+            blocks=blocks,
+            irregular=max_irregular,
             feature_angle=feature_angle,
             fast=fast,
             policy=policy,
             remesh=remesh,
             strict=strict,
         )
-        return explain(place, source, options, triangles, layout)
+        return explain(place, source, options, triangles, layout, compare=compare)
 
     leave(command, debug=debug)
 
@@ -210,6 +220,10 @@ def reproduce(
 def push(
     target: Annotated[str, typer.Argument(metavar="TARGET", help="Folder, or URL such as s3://bucket/prefix.")],
     *,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="ID", help="Copy only this artifact and all it was made from; may be repeated."),
+    ] = None,
     store: Folder = None,
     debug: Debug = False,
 ) -> None:
@@ -219,7 +233,7 @@ def push(
         from drl_meshgen.commands.storing import copy_out
         from drl_meshgen.store import Store
 
-        return copy_out(Store(store), target)
+        return copy_out(Store(store), target, only or [])
 
     leave(command, debug=debug)
 

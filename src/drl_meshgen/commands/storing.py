@@ -11,7 +11,7 @@ import typer
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.store import Store
-from drl_meshgen.store.catalogue import SHORT, Catalogue, existing
+from drl_meshgen.store.catalogue import SHORT, Catalogue
 from drl_meshgen.store.compare import flattened
 from drl_meshgen.store.gc import gc
 from drl_meshgen.store.record import Record
@@ -191,17 +191,23 @@ def clean_up(store: Store, keep: Sequence[str], max_size: int | None, *, dry_run
     return FINE
 
 
-def explain(store: Store, source: str, options: "MeshOptions", triangles: int, layout: Path | None) -> int:
-    """Print for every stage whether a run would find it in the store and, if not, what differs."""
+def explain(
+    store: Store, source: str, options: "MeshOptions", triangles: int, layout: Path | None, *, compare: bool = False
+) -> int:
+    """Print for every stage whether a run would find it in the store and, if not, what differs.
+
+    With `compare` also for that of the rivals.
+    """
     from drl_meshgen.commands.layout_file import steered
-    from drl_meshgen.pipeline import STAGES, coarsened
+    from drl_meshgen.pipeline import COMPARED_STAGES, STAGES, coarsened
     from drl_meshgen.store.explain import Fate, plan
 
     if layout is not None:
         options = steered(options, layout, source, triangles)
     else:
         options = coarsened(options, source, triangles)
-    for step in plan(STAGES, options.by_stage(source, triangles), store):
+    stages = COMPARED_STAGES if compare else STAGES
+    for step in plan(stages, options.by_stage(source, triangles, compare=compare), store):
         key = "" if step.key is None else step.key[:SHORT]
         typer.echo(f"{step.stage:<12} {key:<{SHORT}}  {step.fate.value}")
         if step.fate is Fate.CACHED:
@@ -251,10 +257,14 @@ def recompute(store: Store, key: str, source: Path | None) -> int:
     return FINE
 
 
-def copy_out(store: Store, target: str) -> int:
-    """Copy what a folder or a URL lacks; the exit code is 1 where something here is damaged and was not copied."""
-    existing(store)
-    return _copied(push(store, remote_at(target)), "sent")
+def copy_out(store: Store, target: str, only: Sequence[str]) -> int:
+    """Copy what a folder or a URL lacks; the exit code is 1 where something here is damaged and was not copied.
+
+    `only` are keys of artifacts that are copied with all they were made from; none: everything.
+    """
+    catalogue = Catalogue.of(store)
+    chosen = [catalogue.named(key) for key in only]
+    return _copied(push(store, remote_at(target), chosen), "sent")
 
 
 def copy_in(store: Store, source: str) -> int:

@@ -1,6 +1,6 @@
 """Copies artifacts between stores; what comes in is checked by its digest before anybody sees it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,16 +30,17 @@ class Transfer:
     """A sentence per artifact that was not copied because it is damaged."""
 
 
-def push(store: Store, remote: Remote) -> Transfer:
+def push(store: Store, remote: Remote, only: Sequence[Record] = ()) -> Transfer:
     """Copy the artifacts that the remote lacks; a file there of another size counts as lacking.
 
-    Each is checked before it is sent, objects go before the record that names them. Raises `InputError` where there is
-    no store and OSError where the remote fails.
+    Where `only` names any, these and all they were made from. Each is checked before it is sent, objects go before the
+    record that names them. Raises `InputError` where there is no store and OSError where the remote fails.
     """
     catalogue, there = Catalogue.of(store), remote.sizes()
+    wanted = catalogue.lineage(only) if only else catalogue.records
     artifacts = objects = size = 0
     refused = []
-    for record in catalogue.records:
+    for record in wanted:
         name = _record_name(record)
         files = {_object_name(sha): store.objects.path(sha) for sha in sorted(set(record.ref.outputs.values()))}
         lacking = [one for one, path in files.items() if not path.is_file() or there.get(one) != path.stat().st_size]
