@@ -126,6 +126,16 @@ def test_an_artifact_is_computed_again_from_its_record_alone(run, store, cleaned
         assert "the same: 2 files, bit by bit" in told.stdout
 
 
+def test_an_artifact_is_computed_again_with_all_it_was_made_from(run, store, cleaned, disk):
+    (disk.parent / "moved").mkdir()
+    moved = disk.rename(disk.parent / "moved" / disk.name)
+    told = run(store, "reproduce", cleaned["cleanup"].key, "--all", "--input", moved)
+    assert told.exit_code == 0, told.output
+    stages = [line.split()[0] for line in told.stdout.splitlines()[::2]]
+    assert stages == ["model", "cleanup"]
+    assert told.stdout.count("bit by bit") == 2
+
+
 def test_a_moved_surface_is_named_and_another_one_refused(run, store, cleaned, disk):
     key = cleaned["model"].key
     (disk.parent / "moved").mkdir()

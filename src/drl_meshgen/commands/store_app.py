@@ -199,6 +199,7 @@ def reproduce(
     source: Annotated[
         Path | None, typer.Option("--input", metavar="FILE", help="Where the surface lies now, if it was moved.")
     ] = None,
+    whole: Annotated[bool, typer.Option("--all", help="Compute again all it was made from, too.")] = False,
     store: Folder = None,
     debug: Debug = False,
 ) -> None:
@@ -211,7 +212,7 @@ def reproduce(
         from drl_meshgen.commands.storing import recompute
         from drl_meshgen.store import Store
 
-        return recompute(Store(store), key, source)
+        return recompute(Store(store), key, source, whole=whole)
 
     leave(command, debug=debug)
 

@@ -236,10 +236,20 @@ def _shown(value: object) -> str:
     return "nothing" if value is None else json.dumps(value)
 
 
-def recompute(store: Store, key: str, source: Path | None) -> int:
-    """Compute an artifact again and print whether it is the same, bit by bit; the exit code is 1 where it is not."""
+def recompute(store: Store, key: str, source: Path | None, *, whole: bool = False) -> int:
+    """Compute an artifact again and print whether it is the same, bit by bit; the exit code is 1 where it is not.
+
+    With `whole` also everything it was made from, the surface first.
+    """
     catalogue = Catalogue.of(store)
-    record = catalogue.named(key)
+    named = catalogue.named(key)
+    if not whole:
+        return _again(catalogue, named, store, source)
+    lineage = reversed(catalogue.lineage([named]))
+    return max([_again(catalogue, one, store, None if one.recipe.inputs else source) for one in lineage])
+
+
+def _again(catalogue: Catalogue, record: Record, store: Store, source: Path | None) -> int:
     typer.echo(f"{record.ref.stage} {record.ref.key[:SHORT]}: computing it again, which took {record.seconds:.2f} s")
 
     from drl_meshgen.pipeline import COMPARED_STAGES
