@@ -18,6 +18,7 @@ from drl_meshgen.decompose.stage import with_counts
 from drl_meshgen.errors import StageError
 from drl_meshgen.lift.inverse import inverse_map
 from drl_meshgen.partition import Partition
+from drl_meshgen.progress import counter, listening
 from drl_meshgen.quality import Quality, measure
 from drl_meshgen.quality.closest import TriangleSearch
 from drl_meshgen.quality.deviation import deviation
@@ -100,9 +101,12 @@ def choose(partition: Partition, field: SizeField, options: DecomposeOptions | N
         """Add a trial, if there are counts for it; return whether it is the last that is needed."""
         layout = laid_out(way)
         if layout is not None:
-            trials.append(_trial(partition, field, layout, way, search))
+            with listening(None):
+                trials.append(_trial(partition, field, layout, way, search))
+        advance()
         return layout is not None and trials[-1].is_enough
 
+    advance = counter("layouts tried", max(ways, default=1) + 1)
     way = _Way(tuple(0 for _ in ways))
     if max(ways, default=1) > 1:
         uniform = [_Way(tuple(min(k, n - 1) for n in ways)) for k in range(max(ways))]

@@ -1,12 +1,32 @@
-"""What can go wrong, as types: each carries one sentence for the user and decides the exit code."""
+"""What can go wrong, as types: each carries one sentence for the user and decides the exit code.
+
+Arrays have no types here, because commands that compute nothing shall not wait for the import of numpy.
+"""
 
 from enum import Enum
+from functools import partial
+from typing import Any, NamedTuple
+
+
+class Place(NamedTuple):
+    """Where on a surface something is wrong."""
+
+    points: Any
+    """Points at the place, `(n, 3)`, in the units of the input."""
+    vertices: Any
+    """Vertices of the surface, or nodes of the mesh, that it is on, `(v, 3)`."""
+    faces: Any
+    """Its triangles or quads, `(f, 3)` or `(f, 4)`."""
 
 
 class MeshgenError(Exception):
     """Base of every error this package raises on purpose. `exit_code` is what the command line returns."""
 
     exit_code = 1
+    where: Any = None
+    """Points `(n, 3)` of the surface at which something is wrong, in the units of the input; None where it has no place."""
+    place: Place | None = None
+    """The same with the surface they are on: known to whoever called what raised the error."""
 
 
 class InputError(MeshgenError):
@@ -14,14 +34,22 @@ class InputError(MeshgenError):
 
     exit_code = 3
 
-    def __init__(self, name: str, defect: str, remedy: str = "") -> None:
-        self.name, self.defect, self.remedy = name, defect, remedy
+    def __init__(self, name: str, defect: str, remedy: str = "", *, where: Any = None) -> None:
+        self.name, self.defect, self.remedy, self.where = name, defect, remedy, where
         super().__init__(f"{name}: {defect}" + (f"; {remedy}" if remedy else ""))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let the error travel between processes as it is."""
+        return partial(type(self), where=self.where), (self.name, self.defect, self.remedy), {"place": self.place}
 
 
 class StageError(MeshgenError):
     """A stage ended without a usable result; `outcome` is its verdict, `detail` the values that show it."""
 
-    def __init__(self, stage: str, outcome: Enum, detail: str = "") -> None:
-        self.stage, self.outcome, self.detail = stage, outcome, detail
+    def __init__(self, stage: str, outcome: Enum, detail: str = "", *, where: Any = None) -> None:
+        self.stage, self.outcome, self.detail, self.where = stage, outcome, detail, where
         super().__init__(f"{stage}: {outcome.value}" + (f" ({detail})" if detail else ""))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let the error travel between processes as it is."""
+        return partial(type(self), where=self.where), (self.stage, self.outcome, self.detail), {"place": self.place}

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float, Int
 from threadpoolctl import threadpool_limits
 
 from drl_meshgen import codecs
@@ -20,6 +21,7 @@ from drl_meshgen.choice import choose
 from drl_meshgen.cleanup import CleanupOptions, CleanupResult, clean
 from drl_meshgen.decompose import DecomposeOptions, Layout
 from drl_meshgen.decompose.zones import held
+from drl_meshgen.errors import MeshgenError, Place
 from drl_meshgen.lift.inverse import LiftedMesh, inverse_map
 from drl_meshgen.mesh import BlockMesh, TriMesh
 from drl_meshgen.models import RawSurface, existing_file, is_generated, load
@@ -114,6 +116,31 @@ def _one_thread(run: Callable[[Mapping[str, Any], Any], Any]) -> Callable[[Mappi
             return run(inputs, options)
 
     return limited
+
+
+def _placed(run: Callable[[Mapping[str, Any], Any], Any]) -> Callable[[Mapping[str, Any], Any], Any]:
+    """Tell an error that knows points of a surface what surface that is: the last one the stage was given."""
+
+    @wraps(run)
+    def told(inputs: Mapping[str, Any], options: Any) -> Any:
+        try:
+            return run(inputs, options)
+        except MeshgenError as error:
+            if error.where is not None and error.place is None:
+                error.place = Place(error.where, *_given_surface(inputs))
+            raise
+
+    return told
+
+
+def _given_surface(inputs: Mapping[str, Any]) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "t 3"]]:
+    if "model" in inputs:
+        return inputs["model"].points, inputs["model"].triangles
+    if "cleanup" in inputs:
+        surface = inputs["cleanup"].surface
+    else:
+        surface = inputs["partition"].surface.mesh if "partition" in inputs else inputs["seams"].mesh
+    return surface.vertices, surface.triangles
 
 
 def _model_identity(options: ModelOptions) -> dict[str, object]:
@@ -234,7 +261,7 @@ def _stage(
 ) -> Stage[Any, Any]:
     own = (codec.module, *modules)
     name = run.__name__.lstrip("_").removeprefix("read_")
-    return Stage(name, 1, own, inputs, options, _one_thread(run), codec.write, codec.read, **more)
+    return Stage(name, 1, own, inputs, options, _placed(_one_thread(run)), codec.write, codec.read, **more)
 
 
 STAGES: tuple[Stage[Any, Any], ...] = (

@@ -1,5 +1,6 @@
 """The subdomain stage: nodes of every ring and cap in its own chart."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ from drl_meshgen.assembly.turn import turned
 from drl_meshgen.decompose import Cap, Layout
 from drl_meshgen.decompose.cells import Ring
 from drl_meshgen.partition import Partition
+from drl_meshgen.progress import counter
 from drl_meshgen.sizing import Sizes
 from drl_meshgen.templates import Policy, RulePolicy, TemplatePolicy, fill_cap
 from drl_meshgen.templates.placement import Size
@@ -92,16 +94,19 @@ def fill(
     policy = policy or RulePolicy()
     sizes = sizes or Sizes.of(partition.surface.mesh, layout.spacing)
     placed, corners = turned(layout, align(partition, layout))
-    rings = _ring_fills(layout, placed, sizes, policy)
+    pieces = layout.pieces
+    meshed = counter("pieces meshed", len(pieces.rings) + len(pieces.caps))
+    rings = _ring_fills(layout, placed, sizes, policy, meshed)
     caps, rows = [], []
-    for cap, wanted in zip(layout.pieces.caps, corners, strict=True):
+    for cap, wanted in zip(pieces.caps, corners, strict=True):
         one, row = _cap_fill(cap, partition, placed.positions[cap.curve], wanted, policy=policy, sizes=sizes)
         caps.append(one)
         rows.append({"cap": len(rows), "curve": cap.curve, **row})
-    for k, one in enumerate(rings[len(rings) - len(layout.pieces.tubes) :]):
+        meshed()
+    for k, one in enumerate(rings[len(rings) - len(pieces.tubes) :]):
         if isinstance(one, TransitionFill):
             absorbed = abs(len(one.first) - len(one.last)) // 2
-            rows.append({"curve": layout.pieces.tubes[k].curves[0], "template": "C", "m": absorbed, "n": absorbed})
+            rows.append({"curve": pieces.tubes[k].curves[0], "template": "C", "m": absorbed, "n": absorbed})
     columns = ["cap", "curve", "template", "i0", "m", "n", "layers", "grading", "outcome"]
     rims = tuple(rim for one in placed.rims for rim in one)
     return Subdomains(rings, tuple(caps), _strip_fills(layout), rims, pd.DataFrame(rows, columns=columns))
@@ -116,7 +121,7 @@ def _strip_fills(layout: Layout) -> tuple[StripFill, ...]:
 
 
 def _ring_fills(
-    layout: Layout, placed: Alignment, sizes: Sizes, policy: TemplatePolicy
+    layout: Layout, placed: Alignment, sizes: Sizes, policy: TemplatePolicy, meshed: Callable[[], None]
 ) -> tuple[RingFill | TransitionFill, ...]:
     none = np.empty(0, np.int64)
     fills: list[RingFill | TransitionFill] = []
@@ -124,12 +129,14 @@ def _ring_fills(
         for cell, (foot, outer), r in zip(junction.cells, columns, rows, strict=True):
             heights = row_heights(cell.ring, int(r), sizes)
             fills.append(RingFill(_ruled(foot.theta, outer, heights), foot.nodes(), none))
+            meshed()
     for tube, (one, two), r in zip(layout.pieces.tubes, placed.tubes, layout.tube_rows, strict=True):
         if len(one.theta) == len(two.theta):
             heights = row_heights(tube.ring, int(r), sizes)
             fills.append(RingFill(_ruled(one.theta, two.theta, heights), one.nodes(), two.nodes()))
         else:
             fills.append(transition_fill(one, two, int(r), tube.ring.chart.modulus, policy))
+        meshed()
     return tuple(fills)
 
 

@@ -1,7 +1,7 @@
 """All rivals on one surface, measured by the same code as our own mesh."""
 
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,6 +10,7 @@ from jaxtyping import Int
 
 from drl_meshgen.baselines.runner import Rival, RivalOptions, RivalOutcome, run_rival
 from drl_meshgen.mesh import QuadMesh, TriMesh
+from drl_meshgen.progress import counter
 from drl_meshgen.quality import measure, quality_row
 
 AT_ONCE = 2
@@ -48,7 +49,11 @@ def compare(surface: TriMesh, target_quads: int, options: RivalOptions | None = 
     """Run the rivals that the options name, two at a time, each at about `target_quads` quads."""
     options = options or RivalOptions()
     with ThreadPoolExecutor(AT_ONCE) as pool:
-        rivals = list(pool.map(lambda method: run_rival(surface, method, target_quads, options), options.chosen))
+        jobs = [pool.submit(run_rival, surface, method, target_quads, options) for method in options.chosen]
+        done = counter("rivals done", len(jobs))
+        for _ in as_completed(jobs):
+            done()
+        rivals = [job.result() for job in jobs]
     made = {rival.method.value: rival for rival in rivals if rival.mesh is not None}
     return Comparison(
         pd.DataFrame([rival_row(rival, surface) for rival in rivals]),

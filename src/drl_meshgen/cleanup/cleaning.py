@@ -88,15 +88,16 @@ def clean(raw: RawSurface, options: CleanupOptions = CleanupOptions()) -> Cleanu
     triangles, source, counts, tangled = manifold(points, triangles)
     if counts["triangles"] > _TANGLED * len(triangles):
         defect = f"{counts['triangles']} triangles are tangled at edges of three or more, {_place(raw, tangled)}"
-        raise InputError(raw.name, defect, "separate the sheets that meet there")
+        raise InputError(raw.name, defect, "separate the sheets that meet there", where=raw.points[np.unique(tangled)])
     audit.add("take sheets apart at edges of three or more triangles", counts["edges"])
     audit.add("drop tangled triangles", counts["triangles"])
     audit.add("split non-manifold vertices", counts["vertices"])
     triangles = _without_specks(raw.name, points[source], triangles, options, audit)
     triangles, turned, one_sided = repair.orient(len(source), triangles)
     if one_sided.any():
-        defect = f"the surface has only one side {_place(raw, source[triangles[one_sided]])} (it cannot be oriented)"
-        raise InputError(raw.name, defect, "cut or repair it")
+        ids = source[repair.disagreeing(len(source), triangles[one_sided])]
+        defect = f"the surface has only one side {_place(raw, ids)} (it cannot be oriented)"
+        raise InputError(raw.name, defect, "cut or repair it", where=raw.points[ids])
     audit.add("orient triangles", turned)
     triangles, filled = fill_holes(points[source], triangles, options.fill_holes)
     audit.add("fill small holes", filled)
@@ -197,4 +198,4 @@ def _check_necks(name: str, surface: TriMesh) -> None:
     if len(necks):
         x, y, z = surface.vertices[necks[0]].mean(axis=0)
         defect = f"{len(necks)} necks of three edges cannot be widened, one near ({x:.6g}, {y:.6g}, {z:.6g})"
-        raise InputError(name, defect, "remesh the surface there")
+        raise InputError(name, defect, "remesh the surface there", where=surface.vertices[np.unique(necks)])

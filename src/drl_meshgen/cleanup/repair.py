@@ -6,7 +6,7 @@ Positions are in units where the bounding-box diagonal is 1. Nothing moves a poi
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import breadth_first_order, connected_components
 from scipy.spatial import KDTree
 
 from drl_meshgen.mesh.topology import Topology, graph_components
@@ -199,6 +199,30 @@ def orient(n_points: int, triangles: Triangles) -> tuple[Triangles, int, Bool[np
     mirror_size = size[sheet[m:]]
     keep = (size[sheet[:m]] > mirror_size) | ((size[sheet[:m]] == mirror_size) & (sheet[:m] < sheet[m:])) | one_sided
     return np.where(keep[:, None], triangles, triangles[:, ::-1]), int((~keep).sum()), one_sided
+
+
+def disagreeing(n_points: int, triangles: Triangles) -> Int[np.ndarray, " k"]:
+    """Return the vertices of edges at which a surface with one side must be cut to get two, ascending.
+
+    Neighbours are made to agree along a breadth-first tree of triangles; these are the edges where they still do not.
+    """
+    topology = Topology(n_points, triangles)
+    inner = topology.edge_count == 2
+    disagree = np.zeros(len(topology.edges), bool)
+    disagree[topology.misoriented_edges] = True
+    f, g = topology.edge_faces[inner].T
+    odd = disagree[inner]
+    m = len(triangles)
+    _, label = connected_components(coo_matrix((np.ones(len(f)), (f, g)), (m, m)), directed=False)
+    weight = coo_matrix((np.where(odd, 2.0, 1.0), (f, g)), (m, m)).tocsr()
+    weight = weight + weight.T
+    turned = np.zeros(m, bool)
+    for start in np.unique(label, return_index=True)[1]:
+        order, before = breadth_first_order(weight, start, directed=False)
+        steps = np.asarray(weight[order[1:], before[order[1:]]]).ravel() == 2
+        for face, parent, step in zip(order[1:].tolist(), before[order[1:]].tolist(), steps.tolist(), strict=True):
+            turned[face] = turned[parent] ^ step
+    return np.unique(topology.edges[inner][odd ^ turned[f] ^ turned[g]])
 
 
 def specks(points: Points, triangles: Triangles, share: float) -> tuple[Bool[np.ndarray, " m"], int, int]:

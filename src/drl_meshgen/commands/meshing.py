@@ -16,9 +16,11 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from drl_meshgen import pipeline
 from drl_meshgen.commands.layout_file import steered
 from drl_meshgen.commands.output import (
+    DEFECT,
     can_draw,
     complete,
     folder_names,
+    write_defect,
     write_layout_file,
     write_pictures,
     write_results,
@@ -123,14 +125,18 @@ def _mesh_one(request: Request, source: str, name: str) -> int:
     with warnings.catch_warnings(record=True) as caught, bar(name) as show:
         warnings.simplefilter("always")
         options = settled(request, source)
-        done = pipeline.run(
-            source,
-            options,
-            triangles=request.triangles,
-            compare=request.compare,
-            store=request.store,
-            progress=show,
-        )
+        try:
+            done = pipeline.run(
+                source,
+                options,
+                triangles=request.triangles,
+                compare=request.compare,
+                store=request.store,
+                progress=show,
+            )
+        except MeshgenError as error:
+            _show_place(request, name, error)
+            raise
         quality: Quality = done["quality"]
         with complete(request.out / name) as folder:
             write_results(folder, done, options)
@@ -139,6 +145,7 @@ def _mesh_one(request: Request, source: str, name: str) -> int:
                 write_rivals(folder / "rivals", done)
             if request.pictures:
                 write_pictures(folder, done)
+            (request.out / name / DEFECT).unlink(missing_ok=True)  # of an earlier run
     tell(caught)
     typer.echo(verdict(name, quality.metrics, time.perf_counter() - start))
     if done["seams"].features:
@@ -153,6 +160,15 @@ def _mesh_one(request: Request, source: str, name: str) -> int:
     if failed:
         typer.echo(f"{label}: below the quality gate: {'; '.join(failed)}", err=True)
     return BELOW_GATE if failed else FINE
+
+
+def _show_place(request: Request, name: str, error: MeshgenError) -> None:
+    """Draw where the surface is defective, if that is known and pictures are wanted, and say where the picture is."""
+    if error.place is None or not request.pictures:
+        return
+    with complete(request.out / name) as folder:
+        write_defect(folder, error.place)
+    typer.echo(f"{name}: the place is shown in {request.out / name / DEFECT}", err=True)
 
 
 def settled(request: Request, source: str) -> MeshOptions:

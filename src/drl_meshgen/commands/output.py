@@ -15,12 +15,17 @@ from drl_meshgen.codecs import COMPARISON
 from drl_meshgen.commands.layout_file import layout_text
 from drl_meshgen.commands.settings import to_toml
 from drl_meshgen.decompose import Description, Layout, Zone, describe
+from drl_meshgen.errors import Place
 from drl_meshgen.export import write_block_mesh, write_curves, write_surface, write_surface_ply, write_table
 from drl_meshgen.mesh import QuadMesh
 from drl_meshgen.models import is_generated
 from drl_meshgen.partition import Partition
 from drl_meshgen.pipeline import MeshOptions
+from drl_meshgen.quality import gate
 from drl_meshgen.store import Execution
+
+DEFECT = "defect.png"
+"""Picture of the place where a surface or a mesh is defective."""
 
 
 def folder_names(sources: Sequence[str]) -> tuple[str, ...]:
@@ -130,9 +135,22 @@ def can_draw() -> bool:
     return True
 
 
-def write_pictures(folder: Path, done: Execution) -> None:
-    """Write `depth.png`, `regions.png`, `blocks.png` and `quality.png`, all from one camera."""
+def write_defect(folder: Path, place: Place) -> Path:
+    """Write `defect.png`, the place where something is wrong, and return its path."""
     from drl_meshgen.report import pictures
+    from drl_meshgen.report.places import draw_place
+
+    pictures.write_png(folder / DEFECT, draw_place(place))
+    return folder / DEFECT
+
+
+def write_pictures(folder: Path, done: Execution) -> None:
+    """Write `depth.png`, `regions.png`, `blocks.png` and `quality.png`, all from one camera.
+
+    For a mesh below the quality gate also `defect.png`.
+    """
+    from drl_meshgen.report import pictures
+    from drl_meshgen.report.places import worst_quads
     from drl_meshgen.report.view import best_view
 
     parts: Partition = done["partition"]
@@ -147,3 +165,5 @@ def write_pictures(folder: Path, done: Execution) -> None:
     }
     for name, image in images.items():
         pictures.write_png(folder / f"{name}.png", image)
+    if gate(done["quality"]):
+        write_defect(folder, worst_quads(mesh.mesh, done["quality"].shape))

@@ -113,13 +113,14 @@ def candidates(
             first, second = region.loops
             ring = ring_between(mesh, ids, partition.curves[first].vertices)
             if ring is None:
-                raise StageError("decompose", PieceOutcome.NOT_A_RING, f"region {r}")
+                raise StageError("decompose", PieceOutcome.NOT_A_RING, f"region {r}", where=mesh.vertices)
             tubes.append(Tube((first, second), ring))
         else:
             curves = {c: partition.curves[c] for c in region.loops}
             ways = open_junction(mesh, ids, curves, exponents, strips=strips, zones=zones)
             if not ways:
-                raise StageError("decompose", PieceOutcome.NO_RINGS, f"region {r} with {len(region.loops)} loops")
+                detail = f"region {r} with {len(region.loops)} loops"
+                raise StageError("decompose", PieceOutcome.NO_RINGS, detail, where=mesh.vertices)
             junctions.append(ways)
     return Candidates(tuple(junctions), tuple(tubes), tuple(caps), partition.seams)
 

@@ -235,7 +235,8 @@ def _regions(surface: CutSurface, curves: tuple[Curve, ...]) -> tuple[np.ndarray
         piece = Topology(len(surface.mesh.vertices), surface.mesh.triangles[label == r])
         loops = tuple(sorted(int(curve_of[loop[0]]) for loop in piece.loops))
         if not loops:
-            raise StageError("partition", Outcome.BAD_REGION, f"region {r} has no loop")
+            where = surface.mesh.vertices[np.unique(surface.mesh.triangles[label == r])]
+            raise StageError("partition", Outcome.BAD_REGION, f"region {r} has no loop", where=where)
         kind = RegionKind.CAP if piece.euler == 1 else RegionKind.JUNCTION
         if piece.euler == 0 and len(loops) == 2:
             kind = RegionKind.TUBE

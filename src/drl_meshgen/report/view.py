@@ -9,6 +9,7 @@ from drl_meshgen.mesh import TriMesh
 from drl_meshgen.quality.shape import unit
 
 _AZIMUTHS, _ELEVATION, _RASTER, _SNAP = 48, np.radians(20), 80, np.radians(35)
+_ALONG = 0.95
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,3 +70,14 @@ def best_view(surface: TriMesh) -> View:
     middle = (low + high) / 2
     centre = middle[0] * np.cross(upward, direction) + middle[1] * upward + depth.mean() * direction
     return View(direction, upward, centre, *(0.5 * (high - low)))
+
+
+def view_from(points: Float[np.ndarray, "n 3"], direction: Float[np.ndarray, " 3"]) -> View:
+    """Return the view of all points from a direction (a unit vector); +z is up, +y where one looks along z."""
+    axis = np.eye(3)[1 if abs(direction[2]) > _ALONG else 2]
+    up = unit(axis - (axis @ direction) * direction)
+    _, low, high = _extent(points, direction, up)
+    middle = (low + high) / 2
+    right = np.cross(up, direction)
+    centre = middle[0] * right + middle[1] * up + (points @ direction).mean() * direction
+    return View(direction, up, centre, *(0.5 * (high - low)))

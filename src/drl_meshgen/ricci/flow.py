@@ -19,6 +19,8 @@ from drl_meshgen.ricci.target import FreeBoundary, InscribedDisk, LinearSolve, T
 from drl_meshgen.ricci.triangulation import Corners, Triangulation, corners, intrinsic_delaunay, ptolemy_delaunay
 
 USABLE_ERROR = 1e-7
+WORST = 50
+"""An error shows at most so many vertices (count)."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,12 @@ class RicciResult:
         """Largest |K - K_target|, radians."""
         return float(np.abs(self.curvature - self.target).max())
 
+    def worst(self, count: int) -> Int[np.ndarray, " n"]:
+        """Return the vertices with the largest error, at most `count`; one that is not a number is the largest."""
+        error = np.nan_to_num(np.abs(self.curvature - self.target), nan=np.inf)
+        order = np.argsort(-error, kind="stable")[:count]
+        return order[error[order] > 0]
+
     @property
     def usable(self) -> bool:
         """Whether later stages can build on the metric."""
@@ -147,7 +155,8 @@ def solve(surface: TriMesh, options: RicciOptions | None = None, *, throw: bool 
         result = min(result, fallback, key=lambda r: (not r.usable, np.nan_to_num(r.error, nan=np.inf)))
     if throw and not result.usable:
         broken = int(result.history["broken"].iloc[-1])
-        raise StageError("ricci", result.outcome, f"curvature error {result.error:.1e}, {broken} broken triangles")
+        detail = f"curvature error {result.error:.1e}, {broken} broken triangles"
+        raise StageError("ricci", result.outcome, detail, where=surface.vertices[result.worst(WORST)])
     return result
 
 

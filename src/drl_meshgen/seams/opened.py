@@ -109,12 +109,13 @@ def _opened(mesh: TriMesh, options: SeamOptions, component: int) -> tuple[Incisi
         after, known = cut_handle(incision, known, options)
         if after is None or _genus(after.mesh.topology) >= _genus(incision.mesh.topology):
             detail = f"component {component}: {_genus(incision.mesh.topology)} handles left"
-            raise StageError("seams", Outcome.NOT_OPENED, detail)
+            raise StageError("seams", Outcome.NOT_OPENED, detail, where=mesh.vertices)
         incision, kinds = after, [*kinds, SeamKind.HANDLE]
     if not incision.mesh.topology.loops:
         after = cut_waist(incision, options)
         if after is None:
-            raise StageError("seams", Outcome.NOT_OPENED, f"component {component}: closed, and no curve divides it")
+            detail = f"component {component}: closed, and no curve divides it"
+            raise StageError("seams", Outcome.NOT_OPENED, detail, where=mesh.vertices)
         incision, kinds = after, [*kinds, SeamKind.WAIST]
     return incision, kinds
 

@@ -7,6 +7,7 @@ import pandas as pd
 from jaxtyping import Bool, Float, Int
 
 from drl_meshgen.mesh import FeatureCurve, QuadMesh, TriMesh
+from drl_meshgen.progress import counter
 from drl_meshgen.smoothing.energy import QuadEnergy, Residuals, ideal_angles
 from drl_meshgen.smoothing.newton import Observer, minimise
 from drl_meshgen.smoothing.nodes import Chain, NodeSpace, NodeState
@@ -93,6 +94,7 @@ def optimise(
     referee = Referee(surface, mesh, options, wanted)
     state = space.start(triangle)
     record = _Record(referee, state)
+    advance = counter("phases of the node optimiser done", len(options.newton_steps) + options.repair_rounds + 2)
     state = settled(space, state)
     for _ in range(options.relax_sweeps):
         state = sweep(space, energy, state, reach_of(mesh, state.points, options.step_limit))
@@ -100,6 +102,7 @@ def optimise(
     idle = np.zeros(len(mesh.quads), np.int64)
     state = unfold(space, energy, referee, state, idle)
     record.judge("unfold", state)
+    advance()
     for k, (hinge, steps) in enumerate(zip(options.hinge_weights, options.newton_steps, strict=True)):
         stage = f"newton {k + 1}"
         reach = reach_of(mesh, state.points, options.step_limit)
@@ -107,6 +110,7 @@ def optimise(
         if record.rows[-1]["invalid"]:
             state = unfold(space, energy, referee, state, idle)
             record.judge(f"unfold {k + 1}", state)
+        advance()
     unfinished = state
     if record.rows[-1]["invalid"] and options.searches:
         unfinished = search(space, referee, state)
@@ -122,6 +126,7 @@ def optimise(
             break
         # what did not help in small surroundings may in larger ones
         record.judge(f"repair {k + 1}", repair(space, energy, referee, state, options.repair_rings + k))
+        advance()
     if options.settle_rounds and not record.best.invalid:
         record.restart("settle", settle(space, energy, referee, record.state))
     state, final = record.state, record.best
