@@ -255,3 +255,25 @@ def pull(
         return copy_in(Store(store), source)
 
     leave(command, debug=debug)
+
+
+@app.command(epilog=EXIT_CODES)
+def serve(
+    *,
+    host: Annotated[str, typer.Option(metavar="HOST", help="Address to listen at; this machine only.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(metavar="PORT", min=0, max=65535, help="Port; 0: any free one.")] = 4300,
+    store: Folder = None,
+    debug: Debug = False,
+) -> None:
+    """Serve artifacts over HTTP, read-only, each file checked before it is sent.
+
+    Pages link to it where DRL_MESHGEN_FILES names its address. Ends with SIGTERM or Ctrl-C.
+    """
+
+    def command() -> int:
+        from drl_meshgen.commands.serving import serve as run
+        from drl_meshgen.store import Store
+
+        return run(Store(store), host, port)
+
+    leave(command, debug=debug)
