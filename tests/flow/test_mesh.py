@@ -7,7 +7,8 @@ from drl_meshgen.export import read_table
 from drl_meshgen.pipeline import COMPARED_STAGES, MeshOptions, run
 from drl_meshgen.store import Store
 from flows.chain import exit_code
-from flows.mesh import TASKS, mesh
+from flows.mesh import mesh
+from flows.surface import TASKS
 
 SMALL = {"target_quads": 300, "triangles": 5000}
 

@@ -1,0 +1,118 @@
+"""What every flow that meshes does with one surface: the stages as tasks, and what came of them."""
+
+import math
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from drl_meshgen.commands.layout_file import steered
+from drl_meshgen.errors import MeshgenError
+from drl_meshgen.pipeline import COMPARED_STAGES, STAGES, MeshOptions, ModelOptions, coarsened
+from drl_meshgen.quality import gate
+from drl_meshgen.report import OURS
+from drl_meshgen.store import Execution, Store, reopen
+from flows.chain import BELOW_GATE, FINE, Outcome, refused, run_chain
+from flows.dashboard import Methods
+from tasks import (
+    assembly,
+    cleanup,
+    comparison,
+    decompose,
+    lift,
+    model,
+    partition,
+    quality,
+    ricci,
+    seams,
+    sizing,
+    smoothing,
+    subdomain,
+)
+
+TASKS = {
+    "model": model.model,
+    "cleanup": cleanup.cleanup,
+    "seams": seams.seams,
+    "ricci": ricci.ricci,
+    "sizing": sizing.sizing,
+    "partition": partition.partition,
+    "decompose": decompose.decompose,
+    "subdomain": subdomain.subdomain,
+    "assembly": assembly.assembly,
+    "lift": lift.lift,
+    "smoothing": smoothing.smoothing,
+    "quality": quality.quality,
+    "comparison": comparison.comparison,
+}
+
+
+@dataclass(frozen=True)
+class Surfaced:
+    """What came of one surface, and what is known of its mesh."""
+
+    outcome: Outcome
+    methods: Methods = field(default_factory=dict)
+    """Figures of our mesh and of the rivals, where any ran; empty where there is no mesh."""
+    done: Execution | None = None
+    """Results of the stages, read from the store when they are asked for; None where there is no mesh."""
+    options: MeshOptions | None = None
+    """Options it was meshed with, limits of the layout turned into others; None where there are none."""
+
+    @property
+    def row(self) -> dict[str, Any]:
+        """Row of the dashboard's table; JSON has no NaN."""
+        metrics = self.methods.get(OURS, {})
+        known = {name: value for name, value in metrics.items() if isinstance(value, float)}
+        figures = {name: round(value, 4) if math.isfinite(value) else None for name, value in known.items()}
+        return {"surface": self.outcome.surface, "remark": self.outcome.failure, **figures}
+
+
+def meshed(outcome: Outcome) -> bool:
+    """Tell whether there is a mesh, good enough or not."""
+    return outcome.exit_code in (FINE, BELOW_GATE)
+
+
+def mesh_surface(
+    source: str,
+    name: str,
+    options: MeshOptions,
+    store: Store,
+    *,
+    triangles: int = ModelOptions.triangles,
+    layout: Path | None = None,
+    compare: bool = False,
+) -> Surfaced:
+    """Run all stages on a model name or file as tasks; needs a running flow.
+
+    `name` is what the surface is called, `triangles` the size of a generated model, `layout` a file of an edited
+    layout; with `compare` other meshers run too. What goes wrong is told by the outcome.
+    """
+    stages = COMPARED_STAGES if compare else STAGES
+    try:
+        given = coarsened(options, source, triangles) if layout is None else steered(options, layout, source, triangles)
+    except MeshgenError as error:
+        return Surfaced(refused(name, error))
+    own = given.by_stage(source, triangles, compare=compare)
+    complete = {stage.name: own.get(stage.name, stage.options()) for stage in stages}
+    outcome = run_chain({stage.name: TASKS[stage.name] for stage in stages}, name, complete, str(store.root))
+    if not meshed(outcome):
+        return Surfaced(outcome, options=given)
+    done = reopen(stages, outcome.refs, store)
+    return Surfaced(_judged(outcome, done), _methods(done), done, given)
+
+
+def _judged(outcome: Outcome, done: Execution) -> Outcome:
+    """Return the outcome with the exit code and the sentence of a mesh below the quality gate, where it is."""
+    missed = gate(done["quality"])
+    if not missed:
+        return outcome
+    sentence = f"{outcome.surface}: below the quality gate: {'; '.join(missed)}"
+    return replace(outcome, failure=sentence, exit_code=BELOW_GATE)
+
+
+def _methods(done: Execution) -> Methods:
+    """Return the figures of our mesh and of the rivals, where any ran."""
+    ours = {OURS: done["quality"].metrics}
+    if "comparison" not in done.refs:
+        return ours
+    return ours | {str(row["method"]): row for row in done["comparison"].rows.to_dict("records")}
