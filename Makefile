@@ -14,7 +14,11 @@ export OMP_NUM_THREADS ?= 2
 export OPENBLAS_NUM_THREADS ?= 2
 export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 
-.PHONY: setup train rl-ablation libraries demo test lint bench extra-bench robustness bench-quality rl-harvest rl-baselines rl-tables train-value judge-value clean
+# The linter of compose.yaml, and the browser's driver for `make integration`: from npm, pinned, never committed.
+DCLINT := dclint@3.1.0
+PLAYWRIGHT := playwright-core@1.65.1
+
+.PHONY: setup lint-compose integration bench-flow train rl-ablation libraries demo test lint bench extra-bench robustness bench-quality rl-harvest rl-baselines rl-tables train-value judge-value clean
 
 setup: $(STAMP)
 
@@ -44,6 +48,23 @@ lint: setup
 	$(BIN)/ruff format --check
 	$(BIN)/pyright
 	$(BIN)/lint-imports
+
+# Needs no container engine.
+lint-compose:
+	@if command -v npx >/dev/null; then npx --yes $(DCLINT) --max-warnings 0 compose.yaml; \
+	else echo "compose.yaml is not linted: npx of Node.js is not installed"; fi
+
+# The topology of compose.yaml with real processes: Postgres, server, workers, file server, browser, faults.
+INTEGRATION := out/integration
+integration: setup
+	@missing=$$(command -v chromium >/dev/null || echo chromium; command -v node >/dev/null || echo nodejs npm; \
+	ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 || echo postgresql); \
+	test -z "$$missing" || if command -v apt-get >/dev/null && test "$$(id -u)" = 0; then \
+		apt-get update -qq && apt-get install -y -qq --no-install-recommends $$missing; \
+	else echo "install these packages first:" $$missing; exit 1; fi
+	@test -d $(INTEGRATION)/node_modules/playwright-core || npm install --silent --no-audit --no-fund --no-save \
+		--no-package-lock --prefix $(INTEGRATION) $(PLAYWRIGHT)
+	NODE_PATH=$(INTEGRATION)/node_modules $(BIN)/python -m pytest tests/integration/check_deployment.py -x -v
 
 bench: setup
 	$(BIN)/python -m pytest tests/benchmark --benchmark-only --benchmark-columns=min,mean,max,rounds --benchmark-sort=name
