@@ -9,6 +9,7 @@ from prefect import Task, get_run_logger
 
 from drl_meshgen.errors import InputError, MeshgenError
 from drl_meshgen.store import ArtifactRef
+from flows.pictures import place_picture
 
 FINE, INTERNAL, BELOW_GATE, SOME_FAILED = 0, 1, 4, 5
 """Exit codes as the command line has them; errors carry their own."""
@@ -25,6 +26,8 @@ class Outcome:
     """One sentence on what went wrong; empty where the chain came to its end."""
     exit_code: int = FINE
     """What the command line returns for this surface alone."""
+    picture: str = field(default="", repr=False, compare=False)
+    """Where it went wrong, as a `data:` address; empty where that has no place or could not be drawn."""
 
 
 def run_chain(tasks: Mapping[str, Task[..., Any]], surface: str, options: Mapping[str, Any], store: str) -> Outcome:
@@ -44,7 +47,7 @@ def run_chain(tasks: Mapping[str, Task[..., Any]], surface: str, options: Mappin
 def refused(surface: str, error: MeshgenError, refs: Mapping[str, ArtifactRef] | None = None) -> Outcome:
     """Return the outcome of a surface that ended with an error made for the user."""
     sentence = str(error) if isinstance(error, InputError) else f"{surface}: {error}"
-    return Outcome(surface, refs or {}, sentence, error.exit_code)
+    return Outcome(surface, refs or {}, sentence, error.exit_code, place_picture(error.place))
 
 
 def exit_code(outcomes: Sequence[Outcome]) -> int:

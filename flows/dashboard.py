@@ -1,77 +1,170 @@
-"""What a flow run shows in Prefect's dashboard: a page per surface and one table."""
+"""What a flow run shows in Prefect's dashboard: one page and one table.
 
-import base64
-import io
+The page is plain Markdown with `data:` pictures. Both of Prefect's pages show these; of HTML one drops styles and the
+other the rest, see docs/dashboard.md.
+"""
+
 import math
-import re
+import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from PIL import Image
 from prefect.artifacts import create_markdown_artifact, create_table_artifact
 
-from flows.chain import Outcome
+from drl_meshgen.report import OURS
+from drl_meshgen.store import ArtifactRef
+from drl_meshgen.store.address import artifact_url
+from flows.chain import BELOW_GATE, FINE, Outcome
+from flows.pictures import badge, thumbnail
 
 Methods = Mapping[str, Mapping[str, object]]
 """Figures by name for each method, ours first; beside them may stand the texts `cause` and `defects`."""
-WIDTH = 480
-"""Width of a thumbnail in pixels; as JPEG that stays below 50 KB."""
+BADGES = {"passed": "#2e7d32", "below gate": "#b26a00", "failed": "#c62828"}
+"""Verdicts and their colours: white text reads on each, and each on white and on black."""
+MOST_SHOWN = 12
+"""Most surfaces that passed and have pictures on the page (count); all others have a row."""
+MOST_FAILED = 30
+"""Most surfaces that failed, or are below the gate, and have a picture on the page (count)."""
+_STRIP = (
+    ("min_angle", "min angle", "{:.1f}°"),
+    ("max_angle", "max angle", "{:.1f}°"),
+    ("irregular", "irregular", "{:.0f}"),
+    ("named_blocks", "blocks", "{:.0f}"),
+    ("quads", "quads", "{:.0f}"),
+)
 
 
-def slug(text: str) -> str:
-    """Return a text as the dashboard wants keys: lower case letters, digits and dashes."""
-    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-") or "surface"
+@dataclass(frozen=True)
+class Shown:
+    """What the page knows of one surface."""
+
+    outcome: Outcome
+    """What became of it, with the picture of the place where it failed, if there is one."""
+    methods: Methods = field(default_factory=dict)
+    """Figures of our mesh and of the rivals; empty where there is no mesh."""
+    pictures: Sequence[tuple[str, Path]] = ()
+    """Captions and files of pictures."""
+
+    @property
+    def verdict(self) -> str:
+        """One of `BADGES`."""
+        known = {FINE: "passed", BELOW_GATE: "below gate"}
+        return known.get(self.outcome.exit_code, "failed")
 
 
-def thumbnail(*pictures: Path) -> str:
-    """Return pictures side by side as a small `data:` address; the dashboard loads no other without a network."""
-    parts = []
-    for picture in pictures:
-        with Image.open(picture) as image:
-            part = image.convert("RGB")
-        part.thumbnail((WIDTH // len(pictures), WIDTH))
-        parts.append(part)
-    sheet = Image.new("RGB", (sum(part.width for part in parts), max(part.height for part in parts)), "white")
-    left = 0
-    for part in parts:
-        sheet.paste(part, (left, 0))
-        left += part.width
-    buffer = io.BytesIO()
-    sheet.save(buffer, "JPEG", quality=80)
-    return "data:image/jpeg;base64," + base64.b64encode(buffer.getvalue()).decode()
+def page(title: str, shown: Sequence[Shown], report: ArtifactRef | None = None, folder: str = "") -> str:
+    """Return the page of a run as Markdown: verdicts, what failed and where, pictures, links.
+
+    `report` is the artifact of the report, `folder` where a copy of it lies. Links need the environment variable
+    `DRL_MESHGEN_FILES`; without, the folder is named.
+    """
+    counts = {verdict: sum(one.verdict == verdict for one in shown) for verdict in BADGES}
+    told = [f"**{count} {verdict}**" for verdict, count in counts.items() if count]
+    address = None if report is None else artifact_url(report, "index.html")
+    if address is not None:
+        told.append(f"[report with all pictures and tables]({address})")
+    elif folder:
+        told.append(f"report in the folder {code(folder)}")
+    lines = [f"# {text(title)}", "", " · ".join(told), "", *_strip(shown)]
+    bad = sorted((one for one in shown if one.verdict != "passed"), key=lambda one: one.verdict != "failed")
+    for k, one in enumerate(bad):
+        lines += [f"## {text(one.outcome.surface)}: {one.verdict}", "", text(one.outcome.failure), ""]
+        lines += _picture(f"the place on {one.outcome.surface}", one.outcome.picture if k < MOST_FAILED else "")
+        lines += _thumbnails(one) if k < MOST_FAILED else []
+    good = [one for one in shown if one.verdict == "passed" and one.pictures]
+    sample = good[:: math.ceil(len(good) / MOST_SHOWN) or 1]
+    if len(sample) < len(good):
+        lines += [f"Pictures of {len(sample)} of the {len(good)} surfaces that passed:", ""]
+    for one in sample:
+        lines += [f"## {text(one.outcome.surface)}", "", *_thumbnails(one)]
+    return "\n".join(lines)
 
 
-def show_surface(outcome: Outcome, methods: Methods, pictures: Mapping[str, Path]) -> None:
-    """Publish the page of one surface: pictures by caption, figures, artifacts. Needs a running flow."""
-    lines = [f"# {outcome.surface}", ""]
-    if pictures:
-        lines += [f"![{outcome.surface}]({thumbnail(*pictures.values())})", "", " · ".join(pictures), ""]
-    if outcome.failure:
-        lines += [f"**{outcome.failure}**", ""]
-    if methods:
-        lines += _figures(methods)
-    lines += ["| stage | file | SHA-256 |", "| --- | --- | --- |"]
-    for stage, ref in outcome.refs.items():
-        lines += [f"| {stage} | {name} | `{sha[:12]}` |" for name, sha in ref.outputs.items()]
+def show_run(
+    title: str, shown: Sequence[Shown], report: ArtifactRef | None = None, folder: str = "", key: str = "mesh"
+) -> None:
+    """Publish the page of a run (see `page`) and the table of all figures. Needs a running flow."""
+    counts = ", ".join(f"{n} {v}" for v in BADGES if (n := sum(one.verdict == v for one in shown)))
     create_markdown_artifact(
-        "\n".join(lines), key=f"surface-{slug(outcome.surface)}", description=f"Mesh of {outcome.surface}"
+        page(title, shown, report, folder), key=key, description=f"Verdicts and pictures: {counts}"
     )
+    rows = [row(one) for one in shown]
+    create_table_artifact(rows, key=f"{key}-quality", description="Quality of all surfaces of the run")
 
 
-def _figures(methods: Methods) -> list[str]:
-    """Return the table with a metric per row and a method per column, and what is to be said of methods below it."""
-    lines = [f"| metric | {' | '.join(methods)} |", "| --- " + "| ---: " * len(methods) + "|"]
-    names = [name for name, value in next(iter(methods.values())).items() if isinstance(value, float)]
-    for name in names:
-        values = [row.get(name) for row in methods.values()]
-        known = [isinstance(value, float) and math.isfinite(value) for value in values]
-        cells = [f"{value:.4g}" if there else "–" for value, there in zip(values, known, strict=True)]
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    remarks = {method: [row[key] for key in ("cause", "defects") if row.get(key)] for method, row in methods.items()}
-    told = [f"- {method}: {'; '.join(map(str, texts))}" for method, texts in remarks.items() if texts]
-    return [*lines, "", *told, ""]
+def row(shown: Shown) -> dict[str, object]:
+    """Return a row of the table of all figures; JSON has no NaN."""
+    ours = {name: value for name, value in shown.methods.get(OURS, {}).items() if isinstance(value, float)}
+    figures = {name: round(value, 4) if math.isfinite(value) else None for name, value in ours.items()}
+    first = {name: figures.pop(name, None) for name, _, _ in _STRIP}
+    return {
+        "surface": shown.outcome.surface,
+        "verdict": shown.verdict,
+        **first,
+        "remark": shown.outcome.failure,
+        **figures,
+    }
 
 
-def show_table(rows: Sequence[Mapping[str, object]]) -> None:
-    """Publish one table with a row per surface. Needs a running flow."""
-    create_table_artifact([dict(row) for row in rows], key="quality", description="Quality of all surfaces of the run")
+def text(raw: str) -> str:
+    """Return a text so that Markdown shows it as it is, in one line."""
+    plain = " ".join(raw.split()).replace("&", "&amp;").replace("<", "&lt;")
+    return "".join(f"\\{c}" if c in "\\`*_[]|#~" else c for c in plain)
+
+
+def code(raw: str) -> str:
+    """Return a text as Markdown's code, in one line."""
+    return f"`{' '.join(raw.split()).replace('`', chr(39))}`"
+
+
+def _strip(shown: Sequence[Shown]) -> list[str]:
+    """Return the table of verdicts: a coloured cell and the main figures of each surface."""
+    linked = bool(os.environ.get("DRL_MESHGEN_FILES"))
+    heads = ["verdict", "surface", *(label for _, label, _ in _STRIP), *(["files"] if linked else [])]
+    lines = [f"| {' | '.join(heads)} |", "| --- | --- |" + " ---: |" * len(_STRIP) + (" --- |" if linked else "")]
+    for one in shown:
+        cells = _figures(one.methods.get(OURS, {}))
+        mark = f"![{one.verdict}]({badge(one.verdict, BADGES[one.verdict])})"
+        links = [_links(one.outcome)] if linked else []
+        lines.append(f"| {' | '.join([mark, text(one.outcome.surface), *cells, *links])} |")
+    return [*lines, ""]
+
+
+def _links(outcome: Outcome) -> str:
+    """Return links to what a surface left behind: the mesh, else the latest artifact."""
+    wanted = {"mesh": "smoothing", "surface": "cleanup", "quality": "quality"}
+    known = {label: artifact_url(outcome.refs[stage]) for label, stage in wanted.items() if stage in outcome.refs}
+    return " ".join(f"[{label}]({address})" for label, address in known.items() if address)
+
+
+def _thumbnails(one: Shown) -> list[str]:
+    if not one.pictures:
+        return []
+    lines = _picture(
+        f"{one.outcome.surface}: {', '.join(caption for caption, _ in one.pictures)}", thumbnail(one.pictures)
+    )
+    return [*lines, *_beside(one.methods)]
+
+
+def _figures(figures: Mapping[str, object]) -> list[str]:
+    """Return the main figures as text, a dash where there is none."""
+    values = [(form, figures.get(name)) for name, _, form in _STRIP]
+    return [form.format(v) if isinstance(v, float) and math.isfinite(v) else "–" for form, v in values]
+
+
+def _picture(caption: str, address: str) -> list[str]:
+    return [f"![{text(caption)}]({address})", ""] if address else []
+
+
+def _beside(methods: Methods) -> list[str]:
+    """Return the table of our figures beside those of the rivals, a method per row; empty without rivals."""
+    if len(methods) < 2:
+        return []
+    lines = [f"| method | {' | '.join(label for _, label, _ in _STRIP)} |", "| --- |" + " ---: |" * len(_STRIP)]
+    remarks = []
+    for method, figures in methods.items():
+        remark = "; ".join(str(figures[key]) for key in ("cause", "defects") if figures.get(key))
+        lines.append(f"| {text(method)} | {' | '.join(_figures(figures))} |")
+        remarks += [f"- {text(method)}: {text(remark)}"] if remark else []
+    return [*lines, "", *remarks, ""]

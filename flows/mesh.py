@@ -13,12 +13,13 @@ from drl_meshgen.commands.meshing import verdict
 from drl_meshgen.commands.output import can_draw, folder_names
 from drl_meshgen.commands.settings import chosen
 from drl_meshgen.pipeline import COMPARED_STAGES, ModelOptions
-from drl_meshgen.report import slug
+from drl_meshgen.report import OURS, slug
 from drl_meshgen.store import ArtifactRef, Store, reopen
 from flows import dashboard
 from flows.chain import Outcome, exit_code
 from flows.server import ServerError, connected
 from flows.surface import Surfaced, mesh_surface, meshed
+from tasks.progress import counted
 from tasks.report import report as report_task
 
 
@@ -38,21 +39,33 @@ def _report(outcomes: Sequence[Outcome], store: Store) -> ArtifactRef | None:
     return ArtifactRef.from_json(report_task(refs, str(store.root)))
 
 
-def _pictures(surface: str, methods: dashboard.Methods, folder: Path) -> dict[str, Path]:
-    """Return the pictures of our blocks and of the first rival that has one, by caption."""
-    ours, *rivals = methods
+def pictures(surface: str, methods: dashboard.Methods, folder: Path) -> list[tuple[str, Path]]:
+    """Return caption and file of our blocks, their quality, our mesh and that of the first rival that has one.
+
+    `folder` holds the pictures of a report.
+    """
     place = folder / slug(surface)
-    beside = {name: place / f"{slug(f'mesh {name}')}.png" for name in rivals}
-    there = [(name, path) for name, path in beside.items() if path.exists()]
-    return {ours: place / "blocks.png", **dict(there[:1])}
+    rivals = [(name, place / f"{slug(f'mesh {name}')}.png") for name in methods if name != OURS]
+    own = [("blocks", place / "blocks.png"), ("quality", place / "quality.png")]
+    beside = [(OURS, place / f"{slug(f'mesh {OURS}')}.png"), *[one for one in rivals if one[1].exists()][:1]]
+    return own + (beside if len(beside) > 1 else [])
 
 
-def _publish(surfaces: Sequence[Surfaced], pictures: Path | None) -> None:
-    """Show every surface and the table of all in the dashboard; `pictures` has a folder per surface."""
-    for one in surfaces:
-        shown = _pictures(one.outcome.surface, one.methods, pictures) if one.methods and pictures is not None else {}
-        dashboard.show_surface(one.outcome, one.methods, shown)
-    dashboard.show_table([one.row for one in surfaces])
+def _publish(surfaces: Sequence[Surfaced], report: ArtifactRef | None, folder: str, store: Store) -> None:
+    """Show the run in the dashboard, with pictures out of the report where there is one; `folder` has a copy of it."""
+    title = _run_name()
+    if report is None:
+        dashboard.show_run(title, [dashboard.Shown(one.outcome, one.methods) for one in surfaces])
+        return
+    with store.folder(report) as place:
+        drawn = place / "pictures"
+        shown = [
+            dashboard.Shown(
+                one.outcome, one.methods, pictures(one.outcome.surface, one.methods, drawn) if one.methods else ()
+            )
+            for one in surfaces
+        ]
+        dashboard.show_run(title, shown, report, folder)
 
 
 @flow(name="mesh", flow_run_name=_run_name, description=__doc__)
@@ -77,27 +90,18 @@ def mesh(
     """
     place = Store(store)
     options = chosen(None if config is None else Path(config), target_quads=target_quads, seed=seed)
-    done = [
-        mesh_surface(
-            source,
-            name,
-            options,
-            place,
-            triangles=triangles,
-            layout=None if layout is None else Path(layout),
-            compare=compare,
-        )
-        for source, name in zip(surfaces, folder_names(surfaces), strict=True)
-    ]
+    done = []
+    with counted("surfaces", "surfaces done", len(surfaces)) as advance:
+        for source, name in zip(surfaces, folder_names(surfaces), strict=True):
+            given = None if layout is None else Path(layout)
+            one = mesh_surface(source, name, options, place, triangles=triangles, layout=given, compare=compare)
+            done.append(one)
+            advance()
     outcomes = [one.outcome for one in done]
     made = _report(outcomes, place)
-    if made is None:
-        _publish(done, None)
-    else:
-        with place.folder(made) as folder:
-            _publish(done, folder / "pictures")
-        if report is not None:
-            place.export(made, Path(report))
+    if made is not None and report is not None:
+        place.export(made, Path(report))
+    _publish(done, made, report or "", place)
     failures = [outcome.failure for outcome in outcomes if not meshed(outcome)]
     if failures:
         return Failed(message="; ".join(failures), data=outcomes)

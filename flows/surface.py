@@ -1,18 +1,18 @@
 """What every flow that meshes does with one surface: the stages as tasks, and what came of them."""
 
-import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from drl_meshgen.commands.layout_file import steered
 from drl_meshgen.errors import MeshgenError
 from drl_meshgen.pipeline import COMPARED_STAGES, STAGES, MeshOptions, ModelOptions, coarsened
 from drl_meshgen.quality import gate
 from drl_meshgen.report import OURS
+from drl_meshgen.report.places import worst_quads
 from drl_meshgen.store import Execution, Store, reopen
 from flows.chain import BELOW_GATE, FINE, Outcome, refused, run_chain
 from flows.dashboard import Methods
+from flows.pictures import place_picture
 from tasks import (
     assembly,
     cleanup,
@@ -58,14 +58,6 @@ class Surfaced:
     options: MeshOptions | None = None
     """Options it was meshed with, limits of the layout turned into others; None where there are none."""
 
-    @property
-    def row(self) -> dict[str, Any]:
-        """Row of the dashboard's table; JSON has no NaN."""
-        metrics = self.methods.get(OURS, {})
-        known = {name: value for name, value in metrics.items() if isinstance(value, float)}
-        figures = {name: round(value, 4) if math.isfinite(value) else None for name, value in known.items()}
-        return {"surface": self.outcome.surface, "remark": self.outcome.failure, **figures}
-
 
 def meshed(outcome: Outcome) -> bool:
     """Tell whether there is a mesh, good enough or not."""
@@ -102,12 +94,13 @@ def mesh_surface(
 
 
 def _judged(outcome: Outcome, done: Execution) -> Outcome:
-    """Return the outcome with the exit code and the sentence of a mesh below the quality gate, where it is."""
+    """Return the outcome with exit code, sentence and worst quads of a mesh below the quality gate, where it is."""
     missed = gate(done["quality"])
     if not missed:
         return outcome
     sentence = f"{outcome.surface}: below the quality gate: {'; '.join(missed)}"
-    return replace(outcome, failure=sentence, exit_code=BELOW_GATE)
+    picture = place_picture(worst_quads(done["smoothing"].mesh.mesh, done["quality"].shape))
+    return replace(outcome, failure=sentence, exit_code=BELOW_GATE, picture=picture)
 
 
 def _methods(done: Execution) -> Methods:

@@ -9,6 +9,7 @@ from prefect.context import TaskRunContext
 
 from drl_meshgen.errors import MeshgenError
 from drl_meshgen.store import ArtifactRef, Recipe, Stage, Store, load, stored
+from tasks.progress import shown
 from tasks.storage import RecordStorage
 
 Refs = Mapping[str, str]
@@ -82,9 +83,10 @@ def stage_task(name: str, stages: Sequence[Stage[Any, Any]]) -> Task[..., str]:
     def recipe(parameters: dict[str, Any]) -> Recipe:
         return stage.recipe(_references(stage, parameters["refs"]), parameters["options"])
 
-    def run(surface: str, refs: Refs, options: Any, store: str) -> str:  # noqa: ARG001 - names the task run
+    def run(surface: str, refs: Refs, options: Any, store: str) -> str:
         place, known = Store(store), _references(stage, refs)
-        return stored(stage, known, options, place, lambda name: load(by_name[name], known[name], place)).to_json()
+        with shown(f"{name} {surface}"):
+            return stored(stage, known, options, place, lambda name: load(by_name[name], known[name], place)).to_json()
 
     return stored_task(
         run, recipe, name=name, run_name=f"{name} {{surface}}", version=stage.version, description=stage.run.__doc__

@@ -24,7 +24,7 @@ class MeshgenError(Exception):
 
     exit_code = 1
     where: Any = None
-    """Points `(n, 3)` of the surface at which something is wrong, in the units of the input; None where it has no place."""
+    """Points `(n, 3)` of the surface at which something is wrong, in the input's units; None where there is none."""
     place: Place | None = None
     """The same with the surface they are on: known to whoever called what raised the error."""
 
