@@ -90,7 +90,8 @@ def benchmark(
     }
     write_run(folder, quality, _seconds(done), setting, movements)
     told = _publish(done, movements)
-    if movements is not None and fail_on_worse and (movements[1]["movement"] == Movement.WORSE.value).any():
+    worse = movements is not None and Movement.WORSE.value in movements[1]["movement"].tolist()
+    if fail_on_worse and worse:
         return Failed(message=told, data=quality)
     return Completed(message=told, data=quality)
 
@@ -163,7 +164,7 @@ def main(
                 out=str(out),
                 return_state=True,
             )
-            result = state.data.result
+            result = state.result(raise_on_failure=False)
             if isinstance(result, BaseException):
                 raise result
     except MeshgenError as error:

@@ -4,6 +4,8 @@ import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
+from typing import cast
 from uuid import UUID
 
 import httpx
@@ -47,14 +49,15 @@ class Shown:
     def finish(self) -> None:
         """Show the whole as done, if anything was shown."""
         if self._artifact is not None and self._last is not None:
-            self._show(Advance(self._last.what, self._last.total, self._last.total))
+            self._show(replace(self._last, done=self._last.total))
 
     def _show(self, advance: Advance) -> None:
         share = 100.0 * advance.done / max(1, advance.total)
-        text = f"{advance.what}: {advance.done} of {advance.total}"
+        text = f"{advance.what}: {advance.done} of {advance.total}" + (f", {advance.note}" if advance.note else "")
         try:
             if self._artifact is None:
-                self._artifact = create_progress_artifact(share, key=self._key, description=text)
+                # in a thread of a flow or task it returns the id itself, not a coroutine
+                self._artifact = cast("UUID", create_progress_artifact(share, key=self._key, description=text))
             else:
                 update_progress_artifact(self._artifact, progress=share, description=text)
         except (httpx.HTTPError, PrefectException) as error:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from typing import Protocol
 
 
 @dataclass(frozen=True)
@@ -16,6 +17,8 @@ class Advance:
     """How many are done (count)."""
     total: int
     """How many there are, or at most will be (count)."""
+    note: str = ""
+    """A figure that tells how well it goes, in words."""
 
 
 Listener = Callable[[Advance], None]
@@ -32,21 +35,28 @@ def listening(listener: Listener | None) -> Iterator[None]:
         _listener.reset(token)
 
 
-def counter(what: str, total: int) -> Callable[[], None]:
-    """Tell that `total` pieces of work begin; return what to call after each of them.
+class Step(Protocol):
+    """What is called after each piece of work; `note` may tell how well it goes."""
+
+    def __call__(self, note: str = "") -> None:
+        """Tell that one more is done."""
+
+
+def counter(what: str, total: int, done: int = 0) -> Step:
+    """Tell that `total` pieces of work begin, `done` of which are done; return what to call after each of the others.
 
     The listener is the one of the moment in which the work begins, so what is returned may be called in any thread.
     """
-    listener, done = _listener.get(), 0
+    listener = _listener.get()
 
-    def tell() -> None:
+    def tell(note: str = "") -> None:
         if listener is not None:
-            listener(Advance(what, done, total))
+            listener(Advance(what, done, total, note))
 
-    def step() -> None:
+    def step(note: str = "") -> None:
         nonlocal done
         done += 1
-        tell()
+        tell(note)
 
     tell()
     return step

@@ -43,9 +43,12 @@ def test_a_run_leaves_policy_early_policy_and_curve(tmp_path, monkeypatch):
     monkeypatch.setattr(training, "EVERY", 5)
     threads = torch.get_num_threads()
     try:
-        training.train(tmp_path, steps=10, seed=3, domains=4, transition_steps=2, threads=1)
+        given = {"steps": 10, "seed": 3, "domains": 4, "transition_steps": 2, "threads": 1}
+        assert not training.train(tmp_path, **given, minutes=0)
+        assert read_table(tmp_path / "curve.parquet")["step"].tolist() == [1]
+        assert training.train(tmp_path, **given)
         before = (tmp_path / "agent.safetensors").read_bytes()
-        training.train(tmp_path, steps=10, seed=3, domains=4, transition_steps=2, threads=1)
+        assert training.train(tmp_path, **given)
     finally:
         torch.set_num_threads(threads)
     curve = read_table(tmp_path / "curve.parquet")

@@ -19,6 +19,7 @@ from drl_meshgen.errors import InputError
 from drl_meshgen.export import read_table, replacing, write_table
 from drl_meshgen.models.reading import READABLE
 from drl_meshgen.store import Stage
+from drl_meshgen.store.source import libraries
 
 LAST = "last"
 """Name that stands for the run that was written last."""
@@ -60,11 +61,9 @@ def earlier(out: Path, against: str, name: str) -> tuple[str, pd.DataFrame] | No
 
 def versions(stages: Sequence[Stage[Any, Any]]) -> dict[str, Any]:
     """Return versions of our code, Python, the platform and of every library that any of the stages depends on."""
-    made = [stage.made(None) for stage in stages]
-    libraries = {name: version for one in made for name, version in dict(one["libraries"]).items()}
-    return {key: made[0][key] for key in ("code", "python", "platform")} | {
-        "libraries": dict(sorted(libraries.items()))
-    }
+    made = stages[0].made(None)
+    used = libraries(tuple(module for stage in stages for module in stage.modules))
+    return {key: made[key] for key in ("code", "python", "platform")} | {"libraries": dict(sorted(used.items()))}
 
 
 def write_run(
@@ -107,8 +106,9 @@ def moved_page(name: str, movements: pd.DataFrame) -> str:
     lines = [f"## Against {name}: {summary(movements)}", ""]
     if len(movements):
         lines += ["| movement | surface | metric | before | after |", "| --- | --- | --- | ---: | ---: |"]
-    for row in movements.head(MOST_ROWS).itertuples(index=False):
-        lines.append(f"| {row.movement} | {row.surface} | {_head(str(row.metric))} | {row.before} | {row.after} |")
+    for row in movements.head(MOST_ROWS).to_dict("records"):
+        cells = (row["movement"], row["surface"], _head(row["metric"]), row["before"], row["after"])
+        lines.append(f"| {' | '.join(cells)} |")
     if len(movements) > MOST_ROWS:
         lines += ["", f"and {len(movements) - MOST_ROWS} more in `moved.csv`"]
     return "\n".join([*lines, ""])

@@ -5,7 +5,7 @@ Interrupted, the same command goes on from the last checkpoint and ends with the
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from multiprocessing import get_context
 from pathlib import Path
@@ -18,6 +18,7 @@ from safetensors.numpy import load_file
 
 from drl_meshgen.errors import InputError
 from drl_meshgen.export import read_table, write_table
+from drl_meshgen.progress import counter
 from drl_meshgen.rl.agent import TRANSITIONS
 from drl_meshgen.rl.c_learning import TransitionLearnOptions
 from drl_meshgen.rl.checkpoint import read_checkpoint, write_checkpoint
@@ -33,6 +34,8 @@ EXAMINED = 60
 """Domains of each validation set that the curve is taken on."""
 EVERY = 500
 """Steps between rows of the curve, and checkpoints."""
+REWARD = f"{DataSet.VALIDATION.key} reward"
+"""Column of the curve that tells how good the policy is."""
 EARLY = 0.1
 """Share of training, its end left out, after which the policy is kept for comparison (paper Fig. 11)."""
 
@@ -81,8 +84,15 @@ def train(  # noqa: PLR0917 - options of a command
         int, typer.Option(min=1, help="Steps of the placement of C-type meshes, in a process beside.")
     ] = TransitionLearnOptions.steps,
     threads: Annotated[int, typer.Option(min=1, help="Threads; weights are the same for the same number.")] = 1,
-) -> None:
-    """Train the policy and write `agent.safetensors`, its early self, and the learning curves."""
+    minutes: Annotated[
+        float | None, typer.Option(min=0, help="End after so long; the same command goes on from there.")
+    ] = None,
+) -> bool:
+    """Train the policy and write `agent.safetensors`, its early self, and the learning curves.
+
+    Returns whether the training came to its end. Where it ended early, the curve has a row more.
+    """
+    due = float("inf") if minutes is None else time.monotonic() + 60 * minutes
     torch.set_num_threads(threads)
     out.mkdir(parents=True, exist_ok=True)
     beside = get_context("spawn").Process(target=train_transitions, args=(out, transition_steps, seed), daemon=True)
@@ -102,11 +112,14 @@ def train(  # noqa: PLR0917 - options of a command
     early = max(1, int(EARLY * (options.steps - options.polish)))
     with SummaryWriter(str(out / "tensorboard"), purge_step=learner.step) as board:
         begin = time.process_time() - (seconds[-1]["cpu_seconds"] if seconds else 0.0)
-        while learner.step < steps:
+        advance, reward = counter("training steps", steps, learner.step), _reward(rows)
+        while learner.step < steps and (time.monotonic() < due or not rows):
             worth, error = learner.advance()
-            if learner.step % EVERY and learner.step not in {steps, early}:
+            advance(reward)
+            if learner.step % EVERY and learner.step not in {steps, early} and time.monotonic() < due:
                 continue
             rows.append(row_of(learner, worth, error, validation))
+            reward = _reward(rows)
             seconds.append({"step": learner.step, "cpu_seconds": time.process_time() - begin})
             for name, value in rows[-1].items():
                 board.add_scalar(name, value, learner.step)
@@ -118,11 +131,21 @@ def train(  # noqa: PLR0917 - options of a command
             card = card_of(learner, len(training[DataSet.TRAIN.key]), last)
             write_policy(out / f"{name}.safetensors", weights_of(learner.networks), card)
             typer.echo(f"step {learner.step}: " + json.dumps(card["validation"]))
+    if learner.step < steps:
+        beside.terminate()  # it goes on from its own checkpoint
+        beside.join()
+        return False
     beside.join()
     if beside.exitcode:
         raise InputError("training", "the placement of C-type meshes ended early", "run the same command again")
     complete(out)
     typer.echo(out / "agent.safetensors")
+    return True
+
+
+def _reward(rows: Sequence[Mapping[str, float]]) -> str:
+    """Return the reward of the last row of the curve in words; empty where there is none."""
+    return f"reward {rows[-1][REWARD]:.4f} on the validation set" if rows else ""
 
 
 def complete(out: Path) -> None:
