@@ -26,7 +26,7 @@ $(STAMP): pyproject.toml constraints.txt
 	$(MAKE) libraries
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check $(TORCH)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[flow,s3,rl,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[flow,s3,scale,rl,dev]'
 	touch $@
 
 # System libraries that gmsh, pymeshlab and VTK load; asked for only where some are missing and apt can be used.

@@ -12,10 +12,11 @@ from pathlib import Path
 
 from prefect.artifacts import create_markdown_artifact, create_table_artifact
 
+from drl_meshgen.errors import BELOW_GATE, FINE
 from drl_meshgen.report import OURS
 from drl_meshgen.store import ArtifactRef
 from drl_meshgen.store.address import artifact_url
-from flows.chain import BELOW_GATE, FINE, Outcome
+from flows.chain import Outcome
 from flows.pictures import badge, thumbnail
 
 Methods = Mapping[str, Mapping[str, object]]

@@ -12,11 +12,12 @@ from prefect.states import Completed, Failed
 from drl_meshgen.commands.meshing import verdict
 from drl_meshgen.commands.output import can_draw, folder_names
 from drl_meshgen.commands.settings import chosen
+from drl_meshgen.errors import overall
 from drl_meshgen.pipeline import COMPARED_STAGES, ModelOptions
 from drl_meshgen.report import OURS, slug
 from drl_meshgen.store import ArtifactRef, Store, reopen
 from flows import dashboard
-from flows.chain import Outcome, exit_code
+from flows.chain import Outcome
 from flows.server import ServerError, connected
 from flows.surface import Surfaced, mesh_surface, meshed
 from tasks.progress import counted
@@ -154,7 +155,7 @@ def main(
     typer.echo(f"dashboard: {api.removesuffix('/api')}")
     if any(meshed(outcome) for outcome in outcomes) and can_draw():
         typer.echo(f"report: {report / 'index.html'}")
-    raise typer.Exit(exit_code(outcomes))
+    raise typer.Exit(overall(outcome.exit_code for outcome in outcomes))
 
 
 if __name__ == "__main__":

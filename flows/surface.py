@@ -4,13 +4,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from drl_meshgen.commands.layout_file import steered
-from drl_meshgen.errors import MeshgenError
+from drl_meshgen.errors import BELOW_GATE, FINE, MeshgenError
 from drl_meshgen.pipeline import COMPARED_STAGES, STAGES, MeshOptions, ModelOptions, coarsened
 from drl_meshgen.quality import gate
 from drl_meshgen.report import OURS
 from drl_meshgen.report.places import worst_quads
 from drl_meshgen.store import Execution, Store, reopen
-from flows.chain import BELOW_GATE, FINE, Outcome, refused, run_chain
+from flows.chain import Outcome, refused, run_chain
 from flows.dashboard import Methods
 from flows.pictures import place_picture
 from tasks import (
@@ -73,11 +73,13 @@ def mesh_surface(
     triangles: int = ModelOptions.triangles,
     layout: Path | None = None,
     compare: bool = False,
+    limit: float | None = None,
 ) -> Surfaced:
     """Run all stages on a model name or file as tasks; needs a running flow.
 
     `name` is what the surface is called, `triangles` the size of a generated model, `layout` a file of an edited
-    layout; with `compare` other meshers run too. What goes wrong is told by the outcome.
+    layout; with `compare` other meshers run too; `limit` is how long the stages may take together (seconds). What
+    goes wrong is told by the outcome.
     """
     stages = COMPARED_STAGES if compare else STAGES
     try:
@@ -86,7 +88,7 @@ def mesh_surface(
         return Surfaced(refused(name, error))
     own = given.by_stage(source, triangles, compare=compare)
     complete = {stage.name: own.get(stage.name, stage.options()) for stage in stages}
-    outcome = run_chain({stage.name: TASKS[stage.name] for stage in stages}, name, complete, str(store.root))
+    outcome = run_chain({stage.name: TASKS[stage.name] for stage in stages}, name, complete, str(store.root), limit)
     if not meshed(outcome):
         return Surfaced(outcome, options=given)
     done = reopen(stages, outcome.refs, store)

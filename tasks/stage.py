@@ -25,8 +25,8 @@ def _references(stage: Stage[Any, Any], refs: Refs) -> dict[str, ArtifactRef]:
 
 
 def _retry(_task: Task[..., Any], _run: TaskRun, state: State[Any]) -> bool:
-    """Retry where the machine failed (disk, network); a stage's own verdict is the same every time."""
-    return isinstance(state.data, OSError)
+    """Retry where the machine failed (disk, network); a stage's own verdict is the same, and time is over once."""
+    return isinstance(state.data, OSError) and not isinstance(state.data, TimeoutError)
 
 
 def stored_task(

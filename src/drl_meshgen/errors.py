@@ -3,9 +3,21 @@
 Arrays have no types here, because commands that compute nothing shall not wait for the import of numpy.
 """
 
+from collections.abc import Iterable
 from enum import Enum
 from functools import partial
 from typing import Any, NamedTuple
+
+FINE, INTERNAL, BELOW_GATE, SOME_FAILED = 0, 1, 4, 5
+"""Exit codes of a run; errors carry their own."""
+
+
+def overall(codes: Iterable[int]) -> int:
+    """Return the exit code of several inputs from theirs: that of a single one, `SOME_FAILED` where one failed."""
+    known = list(codes)
+    if len(known) > 1 and any(code not in (FINE, BELOW_GATE) for code in known):
+        return SOME_FAILED
+    return max(known, default=FINE)
 
 
 class Place(NamedTuple):

@@ -5,8 +5,9 @@ from prefect import flow
 from prefect.client.orchestration import get_client
 from prefect.settings import PREFECT_API_URL, temporary_settings
 
+from drl_meshgen.errors import overall
 from drl_meshgen.store import ArtifactRef, Store
-from flows.chain import Outcome, exit_code, run_chain
+from flows.chain import run_chain
 from flows.server import ServerError, answers, connected
 from tasks.stage import stage_task
 from tests.flow.toys import STAGES, DoubleOptions, NoOptions, NumberOptions, calls
@@ -118,9 +119,8 @@ def test_a_task_needs_no_server(tmp_path):
 
 
 def test_exit_codes_are_those_of_the_command_line():
-    good, poor, bad = Outcome("a"), Outcome("b", exit_code=4), Outcome("c", failure="c: no", exit_code=3)
-    assert [exit_code([one]) for one in (good, poor, bad)] == [0, 4, 3]
-    assert [exit_code(two) for two in ([good, good], [good, poor], [good, bad], [bad, bad])] == [0, 4, 5, 5]
+    assert [overall([code]) for code in (0, 4, 3)] == [0, 4, 3]
+    assert [overall(two) for two in ([0, 0], [0, 4], [0, 3], [3, 3])] == [0, 4, 5, 5]
 
 
 def test_a_missing_server_elsewhere_is_an_error_not_a_reason_to_start_one():

@@ -3,10 +3,10 @@
 import pytest
 
 from drl_meshgen.baselines import RivalOptions
+from drl_meshgen.errors import overall
 from drl_meshgen.export import read_table
 from drl_meshgen.pipeline import COMPARED_STAGES, MeshOptions, run
 from drl_meshgen.store import Store
-from flows.chain import exit_code
 from flows.mesh import mesh
 from flows.surface import TASKS
 
@@ -30,7 +30,7 @@ def test_the_flow_and_the_library_leave_the_same_bytes_and_a_bad_file_spoils_not
     assert "empty.stl" in bad.failure
     assert bad.exit_code == 3
     assert good.failure == ""
-    assert exit_code([bad, good]) == 5
+    assert overall([bad.exit_code, good.exit_code]) == 5
     alone = run("hemisphere", MeshOptions().sized(300), triangles=5000, store=Store(tmp_path / "library"))
     assert {stage: ref for stage, ref in good.refs.items() if stage != "comparison"} == alone.refs
     assert "hemisphere" in (report / "index.html").read_text()

@@ -5,10 +5,11 @@ import warnings
 
 import typer
 
-from drl_meshgen.commands.meshing import FINE, Request, bar, for_all, settled, tell
+from drl_meshgen.commands.meshing import Request, bar, for_all, settled, tell
 from drl_meshgen.commands.output import complete, write_layout_curves, write_layout_file
 from drl_meshgen.decompose import Layout
 from drl_meshgen.decompose.stage import predicted_quads
+from drl_meshgen.errors import FINE
 from drl_meshgen.pipeline import STAGES
 from drl_meshgen.store import execute
 

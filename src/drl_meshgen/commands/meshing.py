@@ -27,15 +27,13 @@ from drl_meshgen.commands.output import (
     write_rivals,
     zone_table,
 )
-from drl_meshgen.errors import InputError, MeshgenError
+from drl_meshgen.errors import BELOW_GATE, FINE, INTERNAL, InputError, MeshgenError, overall
 from drl_meshgen.models import is_generated
 from drl_meshgen.pipeline import MeshOptions
 from drl_meshgen.quality import Quality, gate
 from drl_meshgen.smoothing.final import FinalMesh
 from drl_meshgen.store import Execution, Store
 from drl_meshgen.store import Progress as Step
-
-FINE, INTERNAL, BELOW_GATE, SOME_FAILED = 0, 1, 4, 5
 
 
 @dataclass(frozen=True)
@@ -82,11 +80,7 @@ def for_all(request: Request, one: Callable[[Request, str, str], int]) -> int:
         with _failures_told(_label(source), debug=request.debug) as code:
             code.append(one(request, source, name))
         codes.append(code[-1])
-    if len(codes) == 1:
-        return codes[0]
-    if any(code not in (FINE, BELOW_GATE) for code in codes):
-        return SOME_FAILED
-    return max(codes)
+    return overall(codes)
 
 
 def _label(source: str) -> str:
