@@ -105,11 +105,8 @@ def write_blocks(
 
 def read_grid(path: Path) -> Grid:
     """Read what `write_grid` or `write_blocks` wrote."""
-    import pyvista as pv
-
-    grid: Any = pv.read(path)
-    points, cells, point, cell = _arrays(grid)
-    width = 4 if grid.n_cells and grid.celltypes[0] == _QUAD else 3
+    points, cells, starts, point, cell = _arrays(path)
+    width = 4 if 4 in np.diff(starts[:2]) else 3
     return Grid(points, cells.reshape(-1, width), point, cell)
 
 
@@ -127,11 +124,8 @@ def write_faces(
 
 def read_faces(path: Path) -> tuple[np.ndarray, Int[np.ndarray, "m 4"], Int[np.ndarray, "t 3"]]:
     """Read what `write_faces` wrote: points, quads, triangles."""
-    import pyvista as pv
-
-    grid: Any = pv.read(path)
-    points, cells, _, _ = _arrays(grid)
-    split = 4 * np.count_nonzero(np.asarray(grid.celltypes) == _QUAD)
+    points, cells, starts, _, _ = _arrays(path)
+    split = 4 * np.count_nonzero(np.diff(starts) == 4)
     return points, cells[:split].reshape(-1, 4), cells[split:].reshape(-1, 3)
 
 
@@ -151,21 +145,33 @@ def write_lines(
 
 def read_lines(path: Path) -> tuple[np.ndarray, list[np.ndarray], Mapping[str, np.ndarray], Mapping[str, np.ndarray]]:
     """Read what `write_lines` wrote: points, lines, point arrays, cell arrays."""
-    import pyvista as pv
-
-    grid: Any = pv.read(path)
-    points, cells, point, cell = _arrays(grid)
-    return points, np.split(cells, np.asarray(grid.cell_offsets)[1:-1]), point, cell
+    points, cells, starts, point, cell = _arrays(path)
+    return points, np.split(cells, starts[1:-1]), point, cell
 
 
-def _arrays(grid: "pv.UnstructuredGrid") -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Return copies of points, connectivity, point arrays and cell arrays, so that no file stays in use."""
-    return (
-        np.array(grid.points),
-        np.array(grid.cell_connectivity, np.int64),
-        {name: np.array(values) for name, values in grid.point_data.items()},
-        {name: np.array(values) for name, values in grid.cell_data.items()},
+def _arrays(
+    path: Path,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Read points, connectivity, where each cell starts in it, point arrays and cell arrays of a VTU file.
+
+    All are copies, so that no file stays in use. By VTK itself: importing PyVista takes longer than most results do.
+    """
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
+
+    reader = vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    grid = reader.GetOutput()
+    cells = grid.GetCells()
+    points = np.array(vtk_to_numpy(grid.GetPoints().GetData()))
+    connectivity = np.array(vtk_to_numpy(cells.GetConnectivityArray()), np.int64)
+    starts = np.array(vtk_to_numpy(cells.GetOffsetsArray()), np.int64)
+    point, cell = (
+        {data.GetArrayName(k): np.array(vtk_to_numpy(data.GetArray(k))) for k in range(data.GetNumberOfArrays())}
+        for data in (grid.GetPointData(), grid.GetCellData())
     )
+    return points, connectivity, starts, point, cell
 
 
 def write_rows(path: Path, **columns: Iterable[Any]) -> None:

@@ -26,13 +26,25 @@ def _locate(root: Path, module: str) -> Path | None:
     return None
 
 
+def _statements(tree: ast.Module) -> Iterator[ast.AST]:
+    """Yield all statements of a source file, in functions and branches too, but none of their expressions."""
+    pending: list[ast.AST] = [tree]
+    while pending:
+        node = pending.pop()
+        yield node
+        for name in ("body", "orelse", "finalbody", "handlers", "cases"):
+            below = getattr(node, name, None)
+            if isinstance(below, list):
+                pending += below
+
+
 def _imports(root: Path, file: Path, module: str) -> Iterator[str]:
     """Yield every dotted name that a source file imports.
 
     `from a import b` yields `a.b` where that is a module of the package, else `a`.
     """
     package = module.split(".") if file.name == "__init__.py" else module.split(".")[:-1]
-    for node in ast.walk(ast.parse(file.read_bytes(), str(file))):
+    for node in _statements(ast.parse(file.read_bytes(), str(file))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
