@@ -64,7 +64,11 @@ integration: setup
 	else echo "install these packages first:" $$missing; exit 1; fi
 	@test -d $(INTEGRATION)/node_modules/playwright-core || npm install --silent --no-audit --no-fund --no-save \
 		--no-package-lock --prefix $(INTEGRATION) $(PLAYWRIGHT)
-	NODE_PATH=$(INTEGRATION)/node_modules $(BIN)/python -m pytest tests/integration/check_deployment.py -x -v
+	NODE_PATH=$(CURDIR)/$(INTEGRATION)/node_modules $(BIN)/python -m pytest tests/integration/check_deployment.py -x -v
+
+# What flow and commands cost over the plain library; starts a Prefect server if none answers, computes what is missing.
+bench-flow: setup
+	$(BIN)/python -m tests.benchmark.flow_cost
 
 bench: setup
 	$(BIN)/python -m pytest tests/benchmark --benchmark-only --benchmark-columns=min,mean,max,rounds --benchmark-sort=name

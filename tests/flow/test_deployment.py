@@ -46,10 +46,26 @@ def test_every_schedule_can_be_read_and_names_its_time_zone(name):
         assert next(CronSim(schedule["cron"], datetime.now(ZoneInfo(schedule["timezone"]))))
 
 
-def test_deployments_run_in_the_pool_that_is_made_and_served():
+def test_every_pool_of_a_deployment_is_made_and_has_a_worker():
     pools = {deployment["work_pool"]["name"] for deployment in DEPLOYMENTS.values()}
-    assert pools == {options(SERVICES["worker"]["command"])["--pool"]}
-    assert f"work-pool create {pools.pop()} " in SERVICES["deploy"]["command"][-1]
+    commands = [service["command"] for service in SERVICES.values() if "worker" in service.get("command", [])]
+    assert {options(command)["--pool"] for command in commands} == pools
+    for pool in pools:
+        assert f"work-pool create {pool} " in SERVICES["deploy"]["command"][-1]
+
+
+def test_a_batch_never_waits_for_the_worker_that_it_occupies():
+    nightly = DEPLOYMENTS["nightly"]
+    flow, _, shard = nightly["parameters"]["deployment"].partition("/")
+    assert DEPLOYMENTS[shard]["entrypoint"].endswith(f":{flow}")
+    assert DEPLOYMENTS[shard]["work_pool"] != nightly["work_pool"]
+    assert DEPLOYMENTS[shard]["parameters"]["runner"] != "workers"
+
+
+def test_workers_are_alike_but_for_their_pool():
+    differ = {"command", "mem_limit", "scale"}
+    worker, batches = ({k: v for k, v in SERVICES[name].items() if k not in differ} for name in ("worker", "batches"))
+    assert worker == batches
 
 
 def test_long_running_services_restart_and_tell_their_health():
