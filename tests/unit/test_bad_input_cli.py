@@ -138,3 +138,16 @@ def test_duplicate_points_are_merged(tmp_path):
     ply(DISK.corners.reshape(-1, 3), np.arange(3 * len(DISK.triangles)).reshape(-1, 3))(tmp_path / "a.ply")
     result = run(tmp_path / "a.ply", tmp_path / "out")
     assert (result.exit_code, result.stderr) == (0, "")
+
+
+def test_the_place_of_a_defect_is_drawn_and_the_picture_goes_when_the_input_is_mended(tmp_path):
+    path = tmp_path / "a.ply"
+    ply(*strip(1))(path)
+    found = CliRunner().invoke(app, ["mesh", str(path), "--out", str(tmp_path / "out")])
+    assert found.exit_code == 3
+    assert [file.name for file in (tmp_path / "out/a").iterdir()] == ["defect.png"]
+    assert f"the place is shown in {tmp_path / 'out/a/defect.png'}" in found.output
+    write_surface_ply(path, DISK)
+    found = CliRunner().invoke(app, ["mesh", str(path), "--out", str(tmp_path / "out"), "--target-quads", "100"])
+    assert found.exit_code == 0
+    assert not (tmp_path / "out/a/defect.png").exists()

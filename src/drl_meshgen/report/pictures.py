@@ -19,7 +19,9 @@ from drl_meshgen.report.view import View
 Image = UInt8[np.ndarray, "h w 3"]
 LONG_SIDE = 1000
 """Longer side of a picture, pixels, unless told otherwise."""
-_OVERSAMPLING, _MARGIN = 2, 1.06
+MARGIN = 1.06
+"""Height of a picture over that of what it shows (ratio)."""
+_OVERSAMPLING = 2
 
 
 def _pyvista() -> Any:
@@ -126,7 +128,7 @@ class Scene:
         reach = 10 * max(view.half_width, view.half_height)
         plotter.camera_position = [view.centre + reach * view.direction, view.centre, view.up]
         plotter.enable_parallel_projection()
-        plotter.camera.parallel_scale = _MARGIN * view.half_height
+        plotter.camera.parallel_scale = MARGIN * view.half_height
         plotter.reset_camera_clipping_range()
         picture = np.ascontiguousarray(plotter.screenshot(return_img=True)[..., :3], np.uint8)
         plotter.close()

@@ -2,6 +2,8 @@
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from PIL import Image as Pillow
+from PIL import ImageDraw
 from scipy.spatial import KDTree
 
 from drl_meshgen.errors import Place
@@ -9,7 +11,7 @@ from drl_meshgen.mesh import QuadMesh
 from drl_meshgen.quality import GateOptions, QuadShape
 from drl_meshgen.quality.shape import unit
 from drl_meshgen.report import palette
-from drl_meshgen.report.pictures import Image, Scene
+from drl_meshgen.report.pictures import MARGIN, Image, Scene
 from drl_meshgen.report.view import View, view_from
 
 SIDE = 480
@@ -19,13 +21,17 @@ WORST = 200
 _SAME = 1e-9
 """Points this close are one (fraction of the diagonal)."""
 _EDGES_AROUND = 5.0
-"""Half the width of a close-up, in lengths of the longest edge at its middle, at least."""
+"""Half the width of a close-up, in mean lengths of the edges at its middle, at least."""
 _LARGEST = 0.2
 """Half the width of a close-up, at most (fraction of the diagonal)."""
 _NEAR = 0.02
 """Points and faces this close belong to one place (fraction of the diagonal)."""
 _BALLS = 60
-"""Up to so many points are marked by balls, which show through (count); more show by their faces."""
+"""Up to so many points are marked by balls (count); more show by their faces."""
+_IN_FRONT = 0.7
+"""What is so far in front of a close-up is left out (half its width)."""
+_CIRCLE = 10
+"""Least radius of the circle around the place, pixels."""
 
 
 def worst_quads(mesh: QuadMesh, shape: QuadShape, options: GateOptions | None = None) -> Place:
@@ -55,10 +61,11 @@ def draw_place(place: Place, *, side: int = SIDE) -> Image:
     focus = _focus(place.points, diagonal)
     around = _reach(vertices[faces[red]], focus, diagonal)
     whole = view_from(vertices, _outward(vertices, faces, focus, diagonal))
-    near = red | (np.linalg.norm(centres - focus, axis=1) < 2 * around)
+    in_front = (centres - focus) @ whole.direction > _IN_FRONT * around
+    near = red | (np.linalg.norm(centres - focus, axis=1) < 2 * around) & ~in_front
     close = View(whole.direction, whole.up, focus, around, around)
     balls = place.points if len(place.points) <= _BALLS else place.points[:0]
-    left = _shot(whole, vertices, faces, red, balls, side=side, lines=0.0)
+    left = _circled(_shot(whole, vertices, faces, red, balls, side=side, lines=0.0), whole, focus, around)
     right = _shot(close, vertices, faces[near], red[near], balls, side=side, lines=0.8)
     return _beside(left, right)
 
@@ -87,8 +94,8 @@ def _reach(red: Float[np.ndarray, "r k 3"], focus: Float[np.ndarray, " 3"], diag
     """Return half the width of the close-up, which shows several edges, and the red faces near its middle."""
     away = np.linalg.norm(red.mean(axis=1) - focus, axis=1)
     corners = red[away.argmin()]
-    edge = float(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).max())
-    cluster = float(away[away < _LARGEST * diagonal].max(initial=0.0))
+    edge = float(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).mean())
+    cluster = float(away[away < 2 * _EDGES_AROUND * edge].max(initial=0.0))
     return float(np.clip(max(_EDGES_AROUND * edge, 1.5 * cluster), _SAME * diagonal, _LARGEST * diagonal))
 
 
@@ -122,6 +129,19 @@ def _shot(
     scene.faces(vertices, faces[red], palette.WORST, lines=lines)
     scene.nodes(balls, palette.WORST, 2.0)
     return scene.shoot()
+
+
+def _circled(image: Image, view: View, focus: Float[np.ndarray, " 3"], around: float) -> Image:
+    """Draw a circle around what the close-up shows: the place may be hidden behind something."""
+    offset = focus - view.centre
+    height, width, _ = image.shape
+    scale = height / (2 * MARGIN * view.half_height)
+    x = width / 2 + scale * float(offset @ np.cross(view.up, view.direction))
+    y = height / 2 - scale * float(offset @ view.up)
+    radius = max(_CIRCLE, scale * around)
+    picture = Pillow.fromarray(image)
+    ImageDraw.Draw(picture).ellipse((x - radius, y - radius, x + radius, y + radius), outline=palette.WORST, width=2)
+    return np.asarray(picture)
 
 
 def _beside(left: Image, right: Image) -> Image:
