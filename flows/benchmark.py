@@ -13,7 +13,16 @@ from prefect.runtime import flow_run
 from prefect.states import Completed, Failed
 
 from drl_meshgen.benchmarks.moved import Movement, moved
-from drl_meshgen.benchmarks.runs import earlier, moved_page, run_folder, summary, surfaces_in, versions, write_run
+from drl_meshgen.benchmarks.runs import (
+    earlier,
+    moved_page,
+    other_setting,
+    run_folder,
+    summary,
+    surfaces_in,
+    versions,
+    write_run,
+)
 from drl_meshgen.commands.output import folder_names
 from drl_meshgen.commands.settings import chosen
 from drl_meshgen.errors import MeshgenError
@@ -89,7 +98,8 @@ def benchmark(
         "versions": versions(STAGES),
     }
     write_run(folder, quality, _seconds(done), setting, movements)
-    told = _publish(done, movements)
+    differing = "" if former is None else other_setting(Path(out) / former[0], setting)
+    told = _publish(done, movements, differing)
     worse = movements is not None and Movement.WORSE.value in movements[1]["movement"].tolist()
     if fail_on_worse and worse:
         return Failed(message=told, data=quality)
@@ -114,14 +124,17 @@ def _seconds(done: list[Surfaced]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["surface", "stage", "seconds"])
 
 
-def _publish(done: list[Surfaced], movements: tuple[str, pd.DataFrame] | None) -> str:
-    """Show the run in the dashboard, what moved first; return the outcome in words."""
+def _publish(done: list[Surfaced], movements: tuple[str, pd.DataFrame] | None, differing: str) -> str:
+    """Show the run in the dashboard; `differing` says how the setting of the earlier run differs.
+
+    Returns the outcome in words.
+    """
     shown = [dashboard.Shown(one.outcome, one.methods) for one in done]
     failed = sum(one.verdict != "passed" for one in shown)
     told = f"{len(shown)} surfaces, {failed} did not pass"
     page = dashboard.page(_run_name(), shown)
     if movements is not None:
-        told += f"; against {movements[0]}: {summary(movements[1])}"
+        told += f"; against {movements[0]}: {summary(movements[1])}" + (f" ({differing})" if differing else "")
         create_table_artifact(movements[1].to_dict("records"), key="benchmark-moved", description=told)
         page = f"{page}\n{moved_page(*movements)}"
     create_table_artifact([dashboard.row(one) for one in shown], key="benchmark-quality", description=told)

@@ -29,7 +29,8 @@ SHOWN = ("reward", "orthogonality", "jacobian", "valid")
 def _run_name() -> str:
     given = flow_run.parameters
     limit = f", {given['minutes']:g} minutes" if given.get("minutes") else ""
-    return f"train seed {given.get('seed', 'default')} to {Path(given.get('out', OUT)).name}{limit}"
+    seed = "" if given.get("seed") is None else f" seed {given['seed']}"
+    return f"train {Path(given.get('out', OUT)).name}{seed}{limit}"
 
 
 @task(name="training", task_run_name="training {out}")
@@ -39,7 +40,7 @@ def training(out: str, given: dict[str, Any]) -> bool:
         from drl_meshgen.rl.train import train
     except ImportError as error:
         raise InputError("training", f"needs the package {error.name}", "pip install 'drl-meshgen[rl]'") from error
-    with shown(f"training {Path(out).name}"):
+    with shown(f"training {Path(out).name}", whole=False):
         return train(Path(out), **given)
 
 

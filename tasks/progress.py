@@ -46,10 +46,10 @@ class Shown:
         if advance.total > 1 and time.monotonic() >= self._next:
             self._show(advance)
 
-    def finish(self) -> None:
-        """Show the whole as done, if anything was shown."""
+    def finish(self, *, whole: bool = True) -> None:
+        """Show the end, if anything was shown: all as done, or, where that need not be so, how far the work came."""
         if self._artifact is not None and self._last is not None:
-            self._show(replace(self._last, done=self._last.total))
+            self._show(replace(self._last, done=self._last.total) if whole else self._last)
 
     def _show(self, advance: Advance) -> None:
         share = 100.0 * advance.done / max(1, advance.total)
@@ -78,12 +78,15 @@ def counted(name: str, what: str, total: int) -> Iterator[Callable[[], None]]:
 
 
 @contextmanager
-def shown(name: str) -> Iterator[None]:
-    """Show the progress of the work within in the dashboard, where it is part of a run."""
+def shown(name: str, *, whole: bool = True) -> Iterator[None]:
+    """Show the progress of the work within in the dashboard, where it is part of a run.
+
+    `whole` work is done when it ends, though it may take fewer steps than it said; other work may end early.
+    """
     if TaskRunContext.get() is None and FlowRunContext.get() is None:
         yield
         return
     listener = Shown(name)
     with listening(listener):
         yield
-    listener.finish()
+    listener.finish(whole=whole)

@@ -51,6 +51,18 @@ def test_short_work_leaves_none(server):
     assert artifacts(server) == []
 
 
+@pytest.mark.parametrize(("whole", "text"), [(True, "steps: 9 of 9"), (False, "steps: 4 of 9, reward 1")])
+def test_work_that_may_end_early_ends_with_a_bar_that_says_so(monkeypatch, whole, text):
+    sent = []
+    monkeypatch.setattr(tasks.progress, "create_progress_artifact", lambda *_a, **k: sent.append(k) or "id")
+    monkeypatch.setattr(tasks.progress, "update_progress_artifact", lambda *_a, **k: sent.append(k))
+    listener = tasks.progress.Shown("toy", after=0.0)
+    listener(tasks.progress.Advance("steps", 3, 9))
+    listener(tasks.progress.Advance("steps", 4, 9, "reward 1"))
+    listener.finish(whole=whole)
+    assert sent[-1]["description"].startswith(text)
+
+
 def test_updates_are_seldom(monkeypatch):
     sent = []
     monkeypatch.setattr(tasks.progress, "create_progress_artifact", lambda *a, **_k: sent.append(a) or "id")

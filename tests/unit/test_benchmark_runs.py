@@ -4,7 +4,16 @@ import pandas as pd
 import pytest
 
 from drl_meshgen.benchmarks.moved import moved
-from drl_meshgen.benchmarks.runs import earlier, moved_page, run_folder, summary, surfaces_in, versions, write_run
+from drl_meshgen.benchmarks.runs import (
+    earlier,
+    moved_page,
+    other_setting,
+    run_folder,
+    summary,
+    surfaces_in,
+    versions,
+    write_run,
+)
 from drl_meshgen.errors import InputError
 from drl_meshgen.pipeline import STAGES
 
@@ -91,6 +100,13 @@ def test_what_moved_is_written_and_goes_when_the_run_is_made_again_without_a_com
     assert "| worse | one | irregular | 8 | 9 |" in (tmp_path / "b/moved.md").read_text()
     write_run(tmp_path / "b", table(irregular=9.0), pd.DataFrame({"surface": []}), SETTING)
     assert not list((tmp_path / "b").glob("moved*"))
+
+
+def test_runs_of_another_setting_say_what_differs(tmp_path):
+    write_run(tmp_path / "a", table(min_angle=40.0), pd.DataFrame({"surface": []}), SETTING)
+    assert other_setting(tmp_path / "a", SETTING) == ""
+    assert other_setting(tmp_path / "a", {**SETTING, "target_quads": 200}) == "other target_quads"
+    assert other_setting(tmp_path / "b", SETTING) == "its setting cannot be read"
 
 
 def test_a_long_list_of_movements_is_cut_on_the_page_only():

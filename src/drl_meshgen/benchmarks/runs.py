@@ -23,7 +23,7 @@ from drl_meshgen.store.source import libraries
 
 LAST = "last"
 """Name that stands for the run that was written last."""
-QUALITY = "quality.parquet"
+QUALITY, SETTING = "quality.parquet", "setting.json"
 MOST_ROWS = 200
 """Most movements that a page shows (count); the table has all."""
 
@@ -59,6 +59,19 @@ def earlier(out: Path, against: str, name: str) -> tuple[str, pd.DataFrame] | No
     return against, read_table(tables[against])
 
 
+def other_setting(folder: Path, setting: Mapping[str, Any]) -> str:
+    """Return in words which parameters or versions of the run in `folder` differ from these; empty where none does.
+
+    A run whose setting cannot be read differs in everything.
+    """
+    try:
+        former = json.loads((folder / SETTING).read_text("utf-8"))
+    except (OSError, ValueError):
+        return "its setting cannot be read"
+    differing = [key for key in sorted({*former, *setting}) if former.get(key) != setting.get(key)]
+    return f"other {', '.join(differing)}" if differing else ""
+
+
 def versions(stages: Sequence[Stage[Any, Any]]) -> dict[str, Any]:
     """Return versions of our code, Python, the platform and of every library that any of the stages depends on."""
     made = stages[0].made(None)
@@ -80,7 +93,7 @@ def write_run(
     folder.mkdir(parents=True, exist_ok=True)
     tables = {"quality": quality, "seconds": seconds} | ({} if movements is None else {"moved": movements[1]})
     texts = {"index.md": _page(quality, setting)}
-    texts["setting.json"] = json.dumps(dict(setting), indent=1, sort_keys=True) + "\n"
+    texts[SETTING] = json.dumps(dict(setting), indent=1, sort_keys=True) + "\n"
     if movements is not None:
         texts["moved.md"] = moved_page(*movements)
     for name, table in tables.items():
