@@ -2,6 +2,7 @@
 
 import tempfile
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -86,7 +87,9 @@ def benchmark(
     with ExitStack() as stack, counted("surfaces", "surfaces done", len(sources)) as advance:
         place = Store(stack.enter_context(tempfile.TemporaryDirectory()) if fresh else store)
         for source, one in zip(sources, folder_names(sources), strict=True):
-            done.append(mesh_surface(source, one, options, place, triangles=triangles))
+            made = mesh_surface(source, one, options, place, triangles=triangles)
+            # no page shall link to what is thrown away
+            done.append(replace(made, outcome=replace(made.outcome, refs={})) if fresh else made)
             advance()
     quality = pd.DataFrame([_row(one) for one in done])
     movements = None if former is None else (former[0], moved(former[1], quality, tolerance))

@@ -13,7 +13,10 @@ SMALL = {"surfaces": ["hemisphere"], "target_quads": 300, "triangles": 5000}
 
 
 @pytest.mark.usefixtures("server")
-def test_two_runs_agree_in_everything_but_times_and_a_worse_one_is_told(tmp_path):
+def test_two_runs_agree_in_everything_but_times_and_a_worse_one_is_told(tmp_path, monkeypatch):
+    pages = []
+    monkeypatch.setenv("DRL_MESHGEN_FILES", "http://127.0.0.1:4300")
+    monkeypatch.setattr(module, "create_markdown_artifact", lambda page, **_k: pages.append(page))
     out = tmp_path / "runs"
     (tmp_path / "models").mkdir()
     (tmp_path / "models" / "empty.stl").touch()
@@ -29,6 +32,7 @@ def test_two_runs_agree_in_everything_but_times_and_a_worse_one_is_told(tmp_path
     assert table["verdict"].tolist() == ["passed", "failed"]
     assert (read_table(out / "one/seconds.parquet")["seconds"] > 0).all()
     write_table(out / "one/quality.parquet", table.assign(min_angle=90.0))
+    assert not any("/artifacts/" in page for page in pages)  # the store of a fresh run is gone
     worse = benchmark("two", **given, against="one", fail_on_worse=True, return_state=True)
     assert worse.is_failed()
     assert worse.message.endswith("against one: 1 worse")
