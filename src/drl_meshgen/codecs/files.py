@@ -14,6 +14,7 @@ import pandas as pd
 from jaxtyping import Float, Int
 
 from drl_meshgen.export import read_table, write_table
+from drl_meshgen.export.xml import write_xml
 from drl_meshgen.mesh import BlockMesh, TriMesh
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def _save(path: Path, grid: "pv.UnstructuredGrid", point: Mapping[str, np.ndarra
         grid.point_data[name] = _plain(values)
     for name, values in cell.items():
         grid.cell_data[name] = _plain(values)
-    grid.save(path, binary=True)
+    write_xml(path, grid)
 
 
 def _plain(values: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from drl_meshgen.export.atomic import replacing
+from drl_meshgen.export.xml import write_xml
 from drl_meshgen.mesh import TriMesh
 
 
@@ -23,7 +24,7 @@ def write_curves(
     for name, values in arrays.items():
         data.cell_data[name] = np.asarray(values)
     with replacing(path) as part:
-        data.save(part, binary=True)
+        write_xml(part, data)
 
 
 def write_surface(
@@ -37,4 +38,4 @@ def write_surface(
         for name, values in arrays.items():
             there[name] = values
     with replacing(path) as part:
-        data.save(part, binary=True)
+        write_xml(part, data)

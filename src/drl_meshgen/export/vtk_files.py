@@ -9,6 +9,7 @@ from jaxtyping import Int
 from drl_meshgen.errors import InputError
 from drl_meshgen.export.atomic import replacing
 from drl_meshgen.export.layout import block_corners
+from drl_meshgen.export.xml import write_xml
 from drl_meshgen.mesh import BlockMesh, QuadMesh, TriMesh
 
 if TYPE_CHECKING:
@@ -25,14 +26,13 @@ def _quad_grid(points: np.ndarray, quads: np.ndarray) -> "pv.UnstructuredGrid":
 
 def _save(path: Path | str, grid: "pv.UnstructuredGrid | pv.PolyData") -> None:
     with replacing(path) as part:
-        grid.save(part, binary=True)
+        write_xml(part, grid)
 
 
 def write_mesh(path: Path | str, mesh: BlockMesh) -> None:
     """Write all quads with cell arrays `block`, `i`, `j` and point arrays `valence` and `irregular`.
 
-    `irregular` is valence - 4 at interior nodes (negative: fewer quads than four meet), 0 elsewhere. The suffix of
-    `path` (`.vtu` or `.vtk`) chooses the format.
+    `irregular` is valence - 4 at interior nodes (negative: fewer quads than four meet), 0 elsewhere. The format is VTU.
     """
     grid = _quad_grid(mesh.points, mesh.mesh.quads)
     t = mesh.mesh.topology

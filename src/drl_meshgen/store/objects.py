@@ -27,6 +27,8 @@ def settle(source: Path, target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     source.chmod(0o444)
     sync(source)
+    if target.is_dir() and not target.is_symlink():  # not of the store's making
+        target.rmdir()
     source.replace(target)
     sync(target.parent)
 
