@@ -23,6 +23,7 @@ from drl_meshgen.batch import TABLE, Job, Row, Rows, Status, Watch, collect, key
 from drl_meshgen.commands.output import can_draw, complete, write_layout_file, write_pictures, write_results
 from drl_meshgen.commands.settings import chosen
 from drl_meshgen.errors import BELOW_GATE, FINE, INTERNAL, InputError, MeshgenError, overall
+from drl_meshgen.models import is_generated
 from drl_meshgen.pipeline import MeshOptions, ModelOptions
 from drl_meshgen.report import OURS
 from drl_meshgen.store import ArtifactRef, Store
@@ -124,12 +125,14 @@ class Batch:
         self.rows = Rows(Path(work.out), Store(work.store))
         self.jobs = {job.name: job for job in jobs}
         self.keys = {job.name: key_of(job, compare=work.compare) for job in jobs}
-        self.pending = [name for name in self.jobs if not self._kept(name)]
-        for name in self.pending:
+        self.fresh = [name for name in self.jobs if not self._kept(name)]
+        """Names of those without a row of this batch; the others are kept."""
+        self.pending = [name for name in self.fresh if not self.jobs[name].refusal]
+        """Names of those that are to be meshed."""
+        for name in self.fresh:
             if self.jobs[name].refusal:
                 row = Row(self.keys[name], Status.REFUSED, InputError.exit_code, self.jobs[name].refusal)
                 self.rows.write(name, row)
-        self.pending = [name for name in self.pending if not self.jobs[name].refusal]
 
     def _kept(self, name: str) -> bool:
         row = self.rows.kept(self.jobs[name], self.keys[name])
@@ -255,7 +258,7 @@ def batch(
     with counted(f"batch {flow_run.name}", "models meshed", len(own.pending)) as advance:
         if runner is RunnerKind.WORKERS:
             given = {
-                "models": [model if not Path(model).exists() else str(Path(model).absolute()) for model in models],
+                "models": [model if is_generated(model) else str(Path(model).absolute()) for model in models],
                 "out": str(Path(out).absolute()),
                 "target_quads": target_quads,
                 "triangles": triangles,
@@ -312,7 +315,7 @@ def _watch(models: list[str], given: Mapping[str, Any], options: MeshOptions, se
         ready = set(watch.settled([job.source for job in jobs]))
         if ready:
             work = Work(given["out"], str(Store(given["store"]).root), given["compare"], given["meshes"])
-            fresh = Batch([job for job in jobs if job.source in ready], work).pending
+            fresh = Batch([job for job in jobs if job.source in ready], work).fresh
             if fresh:
                 _once(models, given, fresh)
         time.sleep(seconds)

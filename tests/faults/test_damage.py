@@ -43,7 +43,7 @@ DAMAGES = {
     "a bit flipped": lambda content: flipped(content, 1),
     "another bit flipped": lambda content: flipped(content, 2),
     "zeroed": lambda content: bytes(len(content)),
-    "a pickle": lambda _content: b"\x80\x04cos\nsystem\n(S'false'\ntR."
+    "a pickle": lambda _content: b"\x80\x04cos\nsystem\n(S'false'\ntR.",
     "deleted": lambda _content: None,
 }
 

@@ -146,6 +146,16 @@ def test_a_row_whose_artifacts_are_gone_is_not_kept(tmp_path):
     assert rows.kept(job(), "key") is None
 
 
+def test_a_row_whose_mesh_is_gone_from_the_store_is_not_kept(tmp_path):
+    store = Store(tmp_path / "store")
+    refs = run("hemisphere", OPTIONS.sized(100), triangles=5000, store=store).refs
+    rows = Rows(tmp_path, store)
+    rows.write("a", Row("key", Status.FINE, 0, artifacts={stage: ref.key for stage, ref in refs.items()}))
+    assert rows.kept(job(), "key") is not None
+    store.objects.path(refs["smoothing"].outputs["mesh.vtu"]).unlink()
+    assert rows.kept(job(), "key") is None
+
+
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b'{"status": "odd"}', b"\xff"])
 def test_a_damaged_row_is_none(tmp_path, content):
     rows = Rows(tmp_path, Store(tmp_path / "store"))

@@ -128,12 +128,23 @@ class Rows:
         self._folder, self._out, self._store = out / "rows", out, store
 
     def kept(self, job: Job, key: str) -> Row | None:
-        """Return the row of a job where it need not be run: same key, final, and its artifacts are there."""
+        """Return the row of a job where it need not be run: same key, final, and its artifacts are there.
+
+        That looks for the records of all stages and for the files of those in `IDS`, without reading them.
+        """
         row = self.read(job.name)
         if row is None or row.key != key or not row.status.final:
             return None
+        shown = {stage: row.artifacts[stage] for stage in IDS.values() if stage in row.artifacts}
         there = all(self._store.record_path(stage, one).is_file() for stage, one in row.artifacts.items())
-        return row if there else None
+        return row if there and all(self._there(stage, one) for stage, one in shown.items()) else None
+
+    def _there(self, stage: str, key: str) -> bool:
+        """Tell whether the files of an artifact are there; what is in them is for `verify` to judge."""
+        record = self._store.record(stage, key)
+        return record is not None and all(
+            self._store.objects.path(sha).is_file() for sha in record.ref.outputs.values()
+        )
 
     def read(self, name: str) -> Row | None:
         """Return the row of a model; None where there is none that can be read."""
