@@ -18,7 +18,7 @@ export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 DCLINT := dclint@3.1.0
 PLAYWRIGHT := playwright-core@1.65.1
 
-.PHONY: setup lint-compose integration bench-flow train rl-ablation libraries demo test lint bench extra-bench robustness bench-quality rl-harvest rl-baselines rl-tables train-value judge-value clean
+.PHONY: setup lint-compose integration bench-flow bench-batch train rl-ablation libraries demo test lint bench extra-bench robustness bench-quality rl-harvest rl-baselines rl-tables train-value judge-value clean
 
 setup: $(STAMP)
 
@@ -69,6 +69,12 @@ integration: setup
 # What flow and commands cost over the plain library; starts a Prefect server if none answers, computes what is missing.
 bench-flow: setup
 	$(BIN)/python -m tests.benchmark.flow_cost
+
+# Each runner with a Prefect server, workers and a store of its own; cold, then with all rows kept.
+BATCH_MODELS ?= 200
+bench-batch: setup
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m flows.bench_batch --models $(BATCH_MODELS) \
+		--out docs/benchmarks
 
 bench: setup
 	$(BIN)/python -m pytest tests/benchmark --benchmark-only --benchmark-columns=min,mean,max,rounds --benchmark-sort=name

@@ -40,6 +40,8 @@ STATUS = {FINE: Status.FINE, InputError.exit_code: Status.REFUSED, BELOW_GATE: S
 """Status by exit code; any other that is no trouble is a stage without a result."""
 LOOK = 2.0
 """Seconds between two looks at shards that workers run."""
+ROUNDS = 2
+"""Rounds of shards without any sign of work after which a batch gives up."""
 DEPLOYMENT = "batch/shard"
 """Deployment of this flow whose runs mesh shards, as `prefect.yaml` has it."""
 SENTENCES = 20
@@ -183,24 +185,40 @@ def _mesh_by(runner: Runner, workers: int, batch: Batch, names: Sequence[str]) -
 
 
 def _mesh_in_shards(batch: Batch, names: Sequence[str], size: int, deployment: str, own: dict[str, Any]) -> None:
-    """Mesh models by runs of a deployment, all at once; those whose run ended without them get a run each."""
-    for groups in (shards(names, size), None):
-        given = groups if groups is not None else [[name] for name in batch.lost(names)]
-        runs = [
-            run_deployment(
-                deployment,
-                parameters={**own, "names": group},
-                flow_run_name=f"shard {number} of {len(given)}",
-                timeout=0,
-            )
-            for number, group in enumerate(given, 1)
-        ]
-        with get_client(sync_client=True) as client:
-            for one in runs:
-                while not (state := client.read_flow_run(one.id).state) or not state.is_final():
-                    time.sleep(LOOK)
-    for name in batch.lost(names):
+    """Mesh models by runs of a deployment, all at once, and again for those whose run ended without their rows.
+
+    Models that were begun are suspects and get a run each, the others shards as before. A suspect whose own run ended
+    without a row ended it; all that are left have no row where two rounds in a row brought none and no suspect.
+    """
+    left, idle = list(names), 0
+    while left and idle < ROUNDS:
+        suspects = [name for name in left if batch.rows.begun(name)]
+        rest = [name for name in left if name not in set(suspects)]
+        _run_shards([*([name] for name in suspects), *shards(rest, size)], deployment, own)
+        lost = batch.lost(left)
+        for name in set(lost) & set(suspects):
+            batch.died(name)
+        idle = idle + 1 if lost == left and not suspects and not any(map(batch.rows.begun, lost)) else 0
+        left = [name for name in lost if name not in set(suspects)]
+    for name in left:
         batch.died(name)
+
+
+def _run_shards(groups: Sequence[Sequence[str]], deployment: str, own: dict[str, Any]) -> None:
+    """Start a run of a deployment for each group of models, and wait for all of them."""
+    runs = [
+        run_deployment(
+            deployment,
+            parameters={**own, "names": list(group)},
+            flow_run_name=f"shard {number} of {len(groups)}",
+            timeout=0,
+        )
+        for number, group in enumerate(groups, 1)
+    ]
+    with get_client(sync_client=True) as client:
+        for one in runs:
+            while not (state := client.read_flow_run(one.id).state) or not state.is_final():
+                time.sleep(LOOK)
 
 
 def _run_name() -> str:

@@ -10,11 +10,13 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from drl_meshgen.batch import Row, Status, collect
 from drl_meshgen.export import write_surface_ply
 from drl_meshgen.models.loading import generate
+from drl_meshgen.pipeline import MeshOptions
 from drl_meshgen.store import Store
 from drl_meshgen.store.verify import verify
-from flows.batch import batch
+from flows.batch import Batch, Work, _mesh_in_shards, batch
 from flows.runners import RunnerKind, shards
 
 pytestmark = pytest.mark.usefixtures("server")
@@ -171,3 +173,40 @@ def test_shards_hold_every_name_once_and_are_of_about_one_size():
     assert sorted(name for group in groups for name in group) == sorted(names)
     assert {len(group) for group in groups} <= {68, 69}
     assert shards([], 100) == []
+
+
+def test_only_the_model_that_ends_its_shards_is_left_out_and_the_others_stay_together(tmp_path, monkeypatch):
+    jobs = collect([f"random:{seed}" for seed in range(9)], MeshOptions())
+    own = Batch(jobs, Work(str(tmp_path), str(tmp_path / "store")))
+    rounds = []
+
+    def run(groups, _deployment, _given):
+        rounds.append([list(group) for group in groups])
+        for group in groups:
+            for name in group:
+                own.rows.begin(name)
+                if name == "random-4":  # its process ends here
+                    break
+                own.rows.write(name, Row(own.keys[name], Status.FINE, 0))
+
+    monkeypatch.setattr("flows.batch._run_shards", run)
+    _mesh_in_shards(own, own.pending, 3, "batch/shard", {})
+    assert rounds[1:] == [[["random-4"], ["random-7"]]]
+    assert own.rows.read("random-4").status is Status.DIED
+    assert own.lost([job.name for job in jobs]) == []
+
+
+def test_shards_that_nobody_runs_are_given_up(tmp_path, monkeypatch):
+    own = Batch(collect(["random:1", "random:2"], MeshOptions()), Work(str(tmp_path), str(tmp_path / "store")))
+    rounds = []
+    monkeypatch.setattr("flows.batch._run_shards", lambda groups, *_: rounds.append(len(groups)))
+    _mesh_in_shards(own, own.pending, 1, "batch/shard", {})
+    assert rounds == [2, 2]
+    assert {own.rows.read(f"random-{k}").status for k in (1, 2)} == {Status.DIED}
+
+
+def test_a_dask_cluster_gives_the_same_rows(models, tmp_path):
+    pytest.importorskip("prefect_dask")
+    _, table = here([models], tmp_path / "here", store=str(tmp_path / "store"))
+    _, other = here([models], tmp_path / "dask", store=str(tmp_path / "more"), runner=RunnerKind.DASK, workers=1)
+    pd.testing.assert_frame_equal(table.drop(columns="seconds"), other.drop(columns="seconds"))

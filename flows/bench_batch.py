@@ -1,0 +1,191 @@
+"""What a batch costs beside meshing: the same models by every runner, cold and warm, against a server of its own."""
+
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+import pandas as pd
+import typer
+
+from drl_meshgen.batch import TABLE
+from flows.runners import RunnerKind
+from flows.server import start
+
+ROOT = Path(__file__).parents[1]
+POOL = "bench"
+RUNNERS = ((RunnerKind.PROCESSES, 1), (RunnerKind.PROCESSES, 2), (RunnerKind.DASK, 2), (RunnerKind.WORKERS, 2))
+
+
+@dataclass(frozen=True)
+class Timed:
+    """One run of the batch."""
+
+    runner: str
+    workers: int
+    models: int
+    kept: bool
+    """Whether all models were done before."""
+    seconds: float
+    """Wall clock of the command, start and imports of its process included."""
+    models_per_minute: float
+    meshing: float
+    """What the stages of all models took together (seconds); zero where all were kept."""
+    overhead: float
+    """What the workers had time for beside the stages, per model (seconds)."""
+    failed: int
+    same_rows: bool
+    """Whether the table is that of the first run, but for `seconds`."""
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@contextmanager
+def _process(command: Sequence[str], log: Path, environment: dict[str, str]) -> Iterator[None]:
+    with log.open("wb") as out:
+        process = subprocess.Popen(  # noqa: S603 - a fixed command
+            [sys.executable, "-m", *command], cwd=ROOT, env=environment, stdout=out, stderr=out
+        )
+        try:
+            yield
+        finally:
+            process.terminate()
+            process.wait(60)
+
+
+@contextmanager
+def _server(home: Path) -> Iterator[dict[str, str]]:
+    """Start a server with a database of its own; yield the environment of processes that shall use it."""
+    from prefect.settings import PREFECT_HOME, temporary_settings
+
+    api = f"http://127.0.0.1:{_free_port()}/api"
+    with temporary_settings({PREFECT_HOME: home}):
+        server = start(api)
+    try:
+        yield {**os.environ, "PREFECT_HOME": str(home), "PREFECT_API_URL": api}
+    finally:
+        if server is not None:
+            server.terminate()
+            server.wait(60)
+
+
+@contextmanager
+def _pool(count: int, home: Path, environment: dict[str, str]) -> Iterator[None]:
+    """Deploy the shards of batches to a pool of their own with so many workers, each with one run at a time."""
+    deploy = (
+        "from flows.batch import batch;"
+        f"batch.from_source({str(ROOT)!r}, 'flows/batch.py:batch').deploy('bench', work_pool_name={POOL!r}, "
+        "parameters={'runner': 'here'})"
+    )
+    create = [sys.executable, "-m", "prefect", "work-pool", "create", POOL, "--type", "process"]
+    for command in (create, [sys.executable, "-c", deploy]):
+        done = subprocess.run(  # noqa: S603 - fixed commands
+            command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False
+        )
+        if done.returncode:
+            raise typer.BadParameter(done.stdout + done.stderr)
+    with ExitStack() as stack:
+        for k in range(count):
+            command = ["prefect", "worker", "start", "--pool", POOL, "--type", "process", "--limit", "1"]
+            stack.enter_context(_process([*command, "--name", f"worker-{k}"], home / f"worker-{k}.log", environment))
+        yield
+
+
+def _run(models: Sequence[str], options: Sequence[str], environment: dict[str, str]) -> float:
+    began = time.monotonic()
+    done = subprocess.run(  # noqa: S603 - a fixed command
+        [sys.executable, "-m", "flows.batch", *models, *options],
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode not in {0, 4, 5}:
+        raise typer.BadParameter(done.stderr)
+    return time.monotonic() - began
+
+
+def _timed(
+    runner: RunnerKind, workers: int, seconds: float, table: pd.DataFrame, first: pd.DataFrame, *, kept: bool
+) -> Timed:
+    """Return the figures of a run, its table held to the first rows of the first run's."""
+    meshing = 0.0 if kept else float(table["seconds"].sum())
+    common = first.iloc[: len(table)].reset_index(drop=True)
+    return Timed(
+        runner.value,
+        workers,
+        len(table),
+        kept,
+        seconds,
+        60 * len(table) / seconds,
+        meshing,
+        (seconds * workers - meshing) / len(table),
+        int((~table["status"].isin(["fine", "below gate"])).sum()),
+        table.drop(columns="seconds").equals(common.drop(columns="seconds")),
+    )
+
+
+def _markdown(rows: Sequence[Timed]) -> str:
+    head = "| runner | workers | models | run | seconds | models/min | meshing, s | beside it, s per model | failed |"
+    head += " same rows |"
+    lines = [head, "| --- " + "| ---: " * 2 + "| --- " + "| ---: " * 5 + "| --- |"]
+    for row in rows:
+        cells = [row.runner, row.workers, row.models, "all kept" if row.kept else "cold", f"{row.seconds:.1f}"]
+        cells += [f"{row.models_per_minute:.1f}", f"{row.meshing:.1f}", f"{row.overhead:.2f}", row.failed]
+        lines.append("| " + " | ".join(map(str, [*cells, "yes" if row.same_rows else "**no**"])) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def main(
+    *,
+    count: Annotated[int, typer.Option("--models", min=1, help="Models of a run by processes.")] = 200,
+    others: Annotated[int | None, typer.Option(min=1, help="Models of other runs.  [default: the same]")] = None,
+    triangles: Annotated[int, typer.Option(help="Size of the smallest model; each next one has ten more.")] = 5000,
+    target_quads: Annotated[int, typer.Option(min=4, help="Wanted number of quads.")] = 200,
+    out: Annotated[Path, typer.Option(help="Folder of batch.csv and batch-table.md.")] = Path("out/bench-batch"),
+) -> None:
+    """Mesh hemispheres of different sizes with each runner in a fresh store, then again with all rows kept."""
+    out.mkdir(parents=True, exist_ok=True)
+    rows: list[Timed] = []
+    first: pd.DataFrame | None = None
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        home = Path(folder) / "prefect"
+        home.mkdir()
+        environment = stack.enter_context(_server(home))
+        for runner, workers in RUNNERS:
+            number = count if runner is RunnerKind.PROCESSES else min(others or count, count)
+            place = Path(folder) / f"{runner.value}-{workers}"
+            manifest = Path(folder) / f"models-{number}.csv"
+            sizes = [triangles + 10 * k for k in range(number)]
+            pd.DataFrame({"model": "hemisphere", "triangles": sizes}).to_csv(manifest, index=False)
+            options = ["--out", str(place), "--store", str(place / "store")]
+            options += ["--target-quads", str(target_quads), "--no-pictures", "--runner", runner.value]
+            if runner is RunnerKind.WORKERS:
+                stack.enter_context(_pool(workers, home, environment))
+                options += ["--deployment", "batch/bench", "--shard-size", str(-(-number // (2 * workers)))]
+            else:
+                options += ["--workers", str(workers)]
+            for kept in (False, True):
+                seconds = _run([str(manifest)], options, environment)
+                table = pd.read_parquet(place / TABLE)
+                first = table if first is None else first
+                rows.append(_timed(runner, workers, seconds, table, first, kept=kept))
+                pd.DataFrame([asdict(row) for row in rows]).round(3).to_csv(out / "batch.csv", index=False)
+                (out / "batch-table.md").write_text(_markdown(rows), "utf-8")
+                typer.echo(f"{runner.value} {workers} {'kept' if kept else 'cold'}: {seconds:.1f} s")
+
+
+if __name__ == "__main__":
+    typer.run(main)
