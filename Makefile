@@ -74,7 +74,7 @@ bench-flow: setup
 BATCH_MODELS ?= 200
 bench-batch: setup
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m flows.bench_batch --models $(BATCH_MODELS) \
-		--out docs/benchmarks
+		--out out/bench-batch
 
 bench: setup
 	$(BIN)/python -m pytest tests/benchmark --benchmark-only --benchmark-columns=min,mean,max,rounds --benchmark-sort=name

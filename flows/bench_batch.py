@@ -61,7 +61,11 @@ def _process(command: Sequence[str], log: Path, environment: dict[str, str]) -> 
             yield
         finally:
             process.terminate()
-            process.wait(60)
+            try:
+                process.wait(20)
+            except subprocess.TimeoutExpired:  # a worker may never end by itself
+                process.kill()
+                process.wait()
 
 
 @contextmanager
@@ -131,7 +135,7 @@ def _timed(
         seconds,
         60 * len(table) / seconds,
         meshing,
-        (seconds * workers - meshing) / len(table),
+        (seconds * (1 if kept else workers) - meshing) / len(table),
         int((~table["status"].isin(["fine", "below gate"])).sum()),
         table.drop(columns="seconds").equals(common.drop(columns="seconds")),
     )
