@@ -41,6 +41,11 @@ class MeshgenError(Exception):
     """The same with the surface they are on: known to whoever called what raised the error."""
 
 
+def _shown(name: str) -> str:
+    """Escape what would break the line or steer a terminal: file names may hold anything."""
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in name)
+
+
 class InputError(MeshgenError):
     """The user's input cannot be meshed: names the file or model, the defect and what to do."""
 
@@ -48,7 +53,7 @@ class InputError(MeshgenError):
 
     def __init__(self, name: str, defect: str, remedy: str = "", *, where: Any = None) -> None:
         self.name, self.defect, self.remedy, self.where = name, defect, remedy, where
-        super().__init__(f"{name}: {defect}" + (f"; {remedy}" if remedy else ""))
+        super().__init__(f"{_shown(name)}: {defect}" + (f"; {remedy}" if remedy else ""))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let the error travel between processes as it is."""

@@ -7,6 +7,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 CORE = sorted((ROOT / "src/drl_meshgen").rglob("*.py"))
+PICKLING = {"pickle", "shelve", "marshal", "joblib", "dill", "cloudpickle"}
 ALL = [*CORE, *sorted((ROOT / "tasks").glob("*.py")), *sorted((ROOT / "flows").glob("*.py"))]
 
 
@@ -30,7 +31,13 @@ def forbidden(path):
             yield f"{where} {node.id}"
         elif isinstance(node, (ast.Import, ast.ImportFrom)):
             modules = [node.module or ""] if isinstance(node, ast.ImportFrom) else [a.name for a in node.names]
-            yield from (f"{where} {name}" for name in modules if name in {"pickle", "shelve", "marshal"})
+            yield from (f"{where} {name}" for name in modules if name.partition(".")[0] in PICKLING)
+        elif isinstance(node, ast.Attribute) and node.attr in {"read_pickle", "to_pickle"}:
+            yield f"{where} {node.attr}"
+        elif isinstance(node, ast.keyword) and node.arg in {"allow_pickle", "weights_only"}:
+            yield f"{where} {node.arg}"
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            yield from [f"{where} torch.load"] * ((node.value.id, node.attr) == ("torch", "load"))
 
 
 def test_code_has_no_assert_eval_or_pickle():

@@ -36,7 +36,13 @@ def existing_file(source: str | Path) -> Path:
     Raises `InputError` where there is none; without a suffix it may be a misspelt model, so the sentence names them.
     """
     path = Path(source)
-    if not path.exists():
+    try:
+        there, plain = path.exists(), path.is_file()
+    except OSError as error:  # a name that is too long, a folder that may not be entered
+        raise InputError(path.name, f"cannot be read ({error.strerror})") from None
+    if there and not plain:  # opening a pipe would wait for ever, a device may never end
+        raise InputError(path.name or str(source), "cannot be read (not a plain file)", "name the file of the surface")
+    if not there:
         hint = "" if path.suffix else f", and no model of that name ({', '.join((*MODELS, RANDOM))})"
         raise InputError(path.name or str(source), f"no such file{hint}")
     return path

@@ -36,6 +36,8 @@ def read_surface(path: Path) -> RawSurface:
         known = ", ".join(s[1:].upper() for s in READABLE)
         raise InputError(name, f"neither a model's name nor a file type that is read ({known})")
     try:
+        if path.exists() and not path.is_file():  # opening a pipe would wait for ever, a device may never end
+            raise InputError(name, "cannot be read (not a plain file)", "name the file of the surface")
         data = path.read_bytes()
     except FileNotFoundError:
         raise InputError(name, "no such file") from None

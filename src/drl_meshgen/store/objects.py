@@ -67,6 +67,8 @@ class Objects:
 
     def give(self, sha: str, target: Path) -> bool:
         """Put an object at `target` (a link where the file system allows) and tell whether it is intact."""
+        if not self.path(sha).is_file():  # opening a pipe would wait for ever
+            return False
         target.parent.mkdir(parents=True, exist_ok=True)
         try:
             target.hardlink_to(self.path(sha))

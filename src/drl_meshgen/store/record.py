@@ -8,6 +8,9 @@ from typing import Any
 from drl_meshgen.store.canonical import digest
 from drl_meshgen.store.ref import ArtifactRef, Recipe
 
+LARGEST_RECORD = 16_000_000
+"""Bytes; a larger record is taken for damaged, unread."""
+
 
 @dataclass(frozen=True)
 class Record:

@@ -12,7 +12,7 @@ from typing import Any
 from drl_meshgen.errors import MeshgenError
 from drl_meshgen.store.locks import exclusive, present, refused, shared
 from drl_meshgen.store.objects import Objects, settle
-from drl_meshgen.store.record import Record, parsed
+from drl_meshgen.store.record import LARGEST_RECORD, Record, parsed
 from drl_meshgen.store.ref import ArtifactRef, Recipe, checked_digest, checked_output, checked_stage
 
 ENVIRONMENT = "DRL_MESHGEN_STORE"
@@ -60,9 +60,12 @@ class Store:
 
     def record(self, stage: str, key: str) -> Record | None:
         """Return a record; None where it is absent, unreadable, altered, or not the record of this key."""
+        path = self.record_path(stage, key)
         try:
-            content = self.record_path(stage, key).read_bytes()
-        except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
+            if not path.is_file() or path.stat().st_size > LARGEST_RECORD:  # opening a pipe would wait for ever
+                return None
+            content = path.read_bytes()
+        except FileNotFoundError:
             return None
         return parsed(stage, key, content)
 

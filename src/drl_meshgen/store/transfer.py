@@ -9,12 +9,9 @@ from drl_meshgen.store.canonical import file_digest
 from drl_meshgen.store.catalogue import Catalogue
 from drl_meshgen.store.locks import shared
 from drl_meshgen.store.objects import settle
-from drl_meshgen.store.record import Record, parsed
+from drl_meshgen.store.record import LARGEST_RECORD, Record, parsed
 from drl_meshgen.store.remote import Remote
 from drl_meshgen.store.store import Store
-
-LARGEST_RECORD = 16_000_000
-"""Bytes; a larger record is taken for damaged, unread."""
 
 
 @dataclass(frozen=True)

@@ -83,7 +83,7 @@ def _verified(store: Store) -> Verdict:
         elif store.objects.intact(path.name):
             sound.add(path.name)
         else:
-            damages.append(Damage(Fault.OBJECT, name, f"{path.stat().st_size} bytes"))
+            damages.append(Damage(Fault.OBJECT, name, f"{path.lstat().st_size} bytes"))
     broken = {damage.path.rpartition("/")[2] for damage in damages}
     records, used = 0, set()
     for path in _files(store.root / "records"):
