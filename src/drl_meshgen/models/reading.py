@@ -53,7 +53,7 @@ def read_surface(path: Path) -> RawSurface:
         if suffix == ".stl":
             _check_stl_length(name, data)
         more = _ply_arrays(name, data) if suffix == ".ply" else {}
-        raw = _surface_of(path.stem, read_vtk(name, path), more)
+        raw = _surface_of(path, read_vtk(name, path), more)
     _check_arrays(name, raw.points, raw.triangles)
     return raw
 
@@ -110,16 +110,35 @@ def read_vtk(name: str, path: Path) -> "pv.DataSet":
     return mesh
 
 
-def _surface_of(name: str, mesh: "pv.DataSet", more: Mapping[str, np.ndarray]) -> RawSurface:
+def _check_cells(name: str, mesh: "pv.DataSet") -> None:
+    """Refuse cells over points that are not there: VTK's filters do not look, and end the process."""
+    import pyvista as pv
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    kinds = (
+        (mesh.GetVerts(), mesh.GetLines(), mesh.GetPolys(), mesh.GetStrips())
+        if isinstance(mesh, pv.PolyData)
+        else (mesh.GetCells(),)
+    )
+    for cells in kinds:
+        nodes = vtk_to_numpy(cells.GetConnectivityArray())
+        if len(nodes) and (nodes.min() < 0 or nodes.max() >= mesh.n_points):
+            raise InputError(name, "faces refer to points that are not in the file", EXPORT_AGAIN)
+
+
+def _surface_of(path: Path, mesh: "pv.DataSet", more: Mapping[str, np.ndarray]) -> RawSurface:
     """Triangles of a VTK mesh with its scalar point arrays, and `more` of them."""
     import pyvista as pv
 
+    _check_cells(path.name, mesh)
     if not isinstance(mesh, pv.PolyData):
         mesh = mesh.extract_surface(pass_pointid=False, pass_cellid=False, algorithm=None)
     surface = mesh.triangulate()
+    if not surface.is_all_triangles:
+        raise InputError(path.name, "has faces with fewer than three corners", EXPORT_AGAIN)
     arrays = {key: np.asarray(values) for key, values in surface.point_data.items()} | dict(more)
     scalars = {k: a for k, a in arrays.items() if a.shape == (surface.n_points,) and a.dtype.kind in "iuf"}
-    return RawSurface(name, surface.points, surface.faces.reshape(-1, 4)[:, 1:], scalars)
+    return RawSurface(path.stem, surface.points, surface.faces.reshape(-1, 4)[:, 1:], scalars)
 
 
 def _parse_off(name: str, data: bytes) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]:
