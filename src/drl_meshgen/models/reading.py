@@ -134,7 +134,7 @@ def _surface_of(path: Path, mesh: "pv.DataSet", more: Mapping[str, np.ndarray]) 
     if not isinstance(mesh, pv.PolyData):
         mesh = mesh.extract_surface(pass_pointid=False, pass_cellid=False, algorithm=None)
     surface = mesh.triangulate()
-    if not surface.is_all_triangles:
+    if len(surface.faces) and not surface.is_all_triangles:
         raise InputError(path.name, "has faces with fewer than three corners", EXPORT_AGAIN)
     arrays = {key: np.asarray(values) for key, values in surface.point_data.items()} | dict(more)
     scalars = {k: a for k, a in arrays.items() if a.shape == (surface.n_points,) and a.dtype.kind in "iuf"}
