@@ -1,13 +1,9 @@
 """The door to Gmsh as a reader of STEP and MSH files: a process of its own, because a bad file can take it down."""
 
-import subprocess
-import sys
-import tempfile
 from pathlib import Path
 
-import numpy as np
-
 from drl_meshgen.errors import InputError
+from drl_meshgen.models.apart import read_apart
 from drl_meshgen.models.surface import RawSurface
 
 SUFFIXES = (".step", ".stp", ".msh")
@@ -28,19 +24,14 @@ def read_with_gmsh(path: Path, data: bytes) -> RawSurface:
     name, kind = path.name, "MSH" if path.suffix.lower() == ".msh" else "STEP"
     if _LAST_WORDS.get(path.suffix.lower(), _STEP_ENDS) not in data[-65536:]:
         raise InputError(name, f"the file ends too early or is not {kind}", "export it again")
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder, "out.npz")
-        command = [sys.executable, "-P", str(_READER), str(path.absolute()), str(out)]
-        try:
-            done = subprocess.run(command, capture_output=True, timeout=_LIMIT, check=False)  # noqa: S603
-        except subprocess.TimeoutExpired:
-            defect = f"Gmsh needs more than {_LIMIT:g} s to read it"
-            raise InputError(name, defect, "tessellate it in the program that made it, and export STL") from None
-        if done.returncode or not out.is_file():
-            raise InputError(name, f"damaged {kind} file, or not {kind}", "export it again")
-        with np.load(out) as read:
-            points, triangles, volumes = read["points"], read["triangles"], int(read["volumes"])
-    if not len(triangles):
-        found = "volume elements but no surface" if volumes else "no surface"
+    try:
+        code, read = read_apart(_READER, path, _LIMIT)
+    except TimeoutError:
+        defect = f"Gmsh needs more than {_LIMIT:g} s to read it"
+        raise InputError(name, defect, "tessellate it in the program that made it, and export STL") from None
+    if code:
+        raise InputError(name, f"damaged {kind} file, or not {kind}", "export it again")
+    if not len(read["triangles"]):
+        found = "volume elements but no surface" if int(read["volumes"]) else "no surface"
         raise InputError(name, f"holds {found}", "export the faces of the surface")
-    return RawSurface(path.stem, points, triangles)
+    return RawSurface(path.stem, read["points"], read["triangles"])

@@ -3,22 +3,27 @@
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from drl_meshgen.errors import InputError
+from drl_meshgen.models.apart import read_apart
 from drl_meshgen.models.gmsh_files import SUFFIXES, read_with_gmsh
 from drl_meshgen.models.ply import parse_ply
 from drl_meshgen.models.surface import RawSurface
 
-if TYPE_CHECKING:
-    import pyvista as pv
-
 READABLE = (".stl", ".ply", ".obj", ".off", ".vtp", ".vtu", *SUFFIXES)
 CONVERTIBLE = (".iges", ".igs", ".brep")
 EXPORT_AGAIN = "export it again"
+AT = "at_"
+"""What the VTK reader puts before the names of point arrays."""
+_VTK_READER = Path(__file__).with_name("vtk_reader.py")
+_VTK_LIMIT = 300.0  # seconds
+_VTK_DEFECTS = {
+    3: "faces refer to points that are not in the file",
+    4: "has faces with fewer than three corners",
+}
 
 
 def read_surface(path: Path) -> RawSurface:
@@ -53,7 +58,7 @@ def read_surface(path: Path) -> RawSurface:
         if suffix == ".stl":
             _check_stl_length(name, data)
         more = _ply_arrays(name, data) if suffix == ".ply" else {}
-        raw = _surface_of(path, read_vtk(name, path), more)
+        raw = _read_with_vtk(path, more)
     _check_arrays(name, raw.points, raw.triangles)
     return raw
 
@@ -93,52 +98,19 @@ def _ply_arrays(name: str, data: bytes) -> dict[str, np.ndarray]:
         raise InputError(name, "damaged or truncated PLY file", EXPORT_AGAIN) from None
 
 
-def read_vtk(name: str, path: Path) -> "pv.DataSet":
-    """Read through VTK with its messages caught."""
-    import pyvista as pv
-
-    complaints: list[str] = []
-    with pv.vtk_verbosity("off"):
-        try:
-            reader = pv.get_reader(path)
-            reader.reader.AddObserver("ErrorEvent", lambda *_: complaints.append("error"))
-            mesh = reader.read()
-        except (RuntimeError, ValueError, OSError):
-            raise InputError(name, f"is not a readable {path.suffix[1:].upper()} file", EXPORT_AGAIN) from None
-    if complaints:
-        raise InputError(name, f"damaged or truncated {path.suffix[1:].upper()} file", EXPORT_AGAIN)
-    return mesh
-
-
-def _check_cells(name: str, mesh: "pv.DataSet") -> None:
-    """Refuse cells over points that are not there: VTK's filters do not look, and end the process."""
-    import pyvista as pv
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-
-    kinds = (
-        (mesh.GetVerts(), mesh.GetLines(), mesh.GetPolys(), mesh.GetStrips())
-        if isinstance(mesh, pv.PolyData)
-        else (mesh.GetCells(),)
-    )
-    for cells in kinds:
-        nodes = vtk_to_numpy(cells.GetConnectivityArray())
-        if len(nodes) and (nodes.min() < 0 or nodes.max() >= mesh.n_points):
-            raise InputError(name, "faces refer to points that are not in the file", EXPORT_AGAIN)
-
-
-def _surface_of(path: Path, mesh: "pv.DataSet", more: Mapping[str, np.ndarray]) -> RawSurface:
-    """Triangles of a VTK mesh with its scalar point arrays, and `more` of them."""
-    import pyvista as pv
-
-    _check_cells(path.name, mesh)
-    if not isinstance(mesh, pv.PolyData):
-        mesh = mesh.extract_surface(pass_pointid=False, pass_cellid=False, algorithm=None)
-    surface = mesh.triangulate()
-    if len(surface.faces) and not surface.is_all_triangles:
-        raise InputError(path.name, "has faces with fewer than three corners", EXPORT_AGAIN)
-    arrays = {key: np.asarray(values) for key, values in surface.point_data.items()} | dict(more)
-    scalars = {k: a for k, a in arrays.items() if a.shape == (surface.n_points,) and a.dtype.kind in "iuf"}
-    return RawSurface(path.stem, surface.points, surface.faces.reshape(-1, 4)[:, 1:], scalars)
+def _read_with_vtk(path: Path, more: Mapping[str, np.ndarray]) -> RawSurface:
+    """Return the triangles of a file that VTK reads, with its scalars of points and `more` of them."""
+    name, kind = path.name, path.suffix[1:].upper()
+    try:
+        code, read = read_apart(_VTK_READER, path, _VTK_LIMIT)
+    except TimeoutError:
+        raise InputError(name, f"takes more than {_VTK_LIMIT:g} s to read", EXPORT_AGAIN) from None
+    if code:
+        raise InputError(name, _VTK_DEFECTS.get(code, f"damaged or truncated {kind} file"), EXPORT_AGAIN)
+    points = read["points"]
+    arrays = {key.removeprefix(AT): values for key, values in read.items() if key.startswith(AT)} | dict(more)
+    scalars = {k: a for k, a in arrays.items() if a.shape == (len(points),) and a.dtype.kind in "iuf"}
+    return RawSurface(path.stem, points, read["triangles"], scalars)
 
 
 def _parse_off(name: str, data: bytes) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "m 3"]]:
