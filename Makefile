@@ -18,7 +18,7 @@ export VTK_DEFAULT_OPENGL_WINDOW ?= vtkEGLRenderWindow
 DCLINT := dclint@3.1.0
 PLAYWRIGHT := playwright-core@1.65.1
 
-.PHONY: setup lint-compose integration bench-flow bench-batch train rl-ablation libraries demo test lint bench extra-bench robustness bench-quality rl-harvest rl-baselines rl-tables train-value judge-value clean
+.PHONY: setup faults lint-compose integration bench-flow bench-batch train rl-ablation libraries demo test lint bench extra-bench robustness bench-quality rl-harvest rl-baselines rl-tables train-value judge-value clean
 
 setup: $(STAMP)
 
@@ -84,6 +84,10 @@ bench: setup
 # Rivals that only the benchmarks need.
 extra-bench: setup
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
+
+# All 500 malformed files; the tests take a share of them.
+faults: setup
+	MALFORMED=500 $(BIN)/python -m pytest tests/faults/test_malformed.py
 
 # An hour and a half, and a quarter of one, on two cores; interrupted, the next `make` goes on. Exit status 1: not every
 # surface went through.

@@ -19,7 +19,7 @@ EXPORT_AGAIN = "export it again"
 AT = "at_"
 """What the VTK reader puts before the names of point arrays."""
 _VTK_READER = Path(__file__).with_name("vtk_reader.py")
-_VTK_LIMIT = 300.0  # seconds
+_PATIENCE, _PER_MEGABYTE = 15.0, 1.0  # seconds; sound files take a tenth of it, on damaged ones VTK may never end
 _VTK_DEFECTS = {
     3: "faces refer to points that are not in the file",
     4: "has faces with fewer than three corners",
@@ -101,10 +101,11 @@ def _ply_arrays(name: str, data: bytes) -> dict[str, np.ndarray]:
 def _read_with_vtk(path: Path, more: Mapping[str, np.ndarray]) -> RawSurface:
     """Return the triangles of a file that VTK reads, with its scalars of points and `more` of them."""
     name, kind = path.name, path.suffix[1:].upper()
+    limit = _PATIENCE + _PER_MEGABYTE * path.stat().st_size / 1e6
     try:
-        code, read = read_apart(_VTK_READER, path, _VTK_LIMIT)
+        code, read = read_apart(_VTK_READER, path, limit)
     except TimeoutError:
-        raise InputError(name, f"takes more than {_VTK_LIMIT:g} s to read", EXPORT_AGAIN) from None
+        raise InputError(name, f"was not read within {limit:.0f} s, it seems damaged", EXPORT_AGAIN) from None
     if code:
         raise InputError(name, _VTK_DEFECTS.get(code, f"damaged or truncated {kind} file"), EXPORT_AGAIN)
     points = read["points"]

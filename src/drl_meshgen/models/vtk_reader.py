@@ -15,8 +15,8 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 
-MEMORY = 16 << 30
-"""Most bytes of address space; a small file may claim to hold any number of points."""
+MEMORY, PER_BYTE = 4 << 30, 64
+"""Bytes of address space, and more of them per byte of the file: a small one may claim to hold any number of points."""
 
 
 def _reader(suffix: str) -> Any:
@@ -75,8 +75,10 @@ def _surface(data: Any) -> Any:
 
 def main() -> None:
     """Read, triangulate, write; raises whatever VTK raises."""
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    data = _read(Path(sys.argv[1]))
+    path = Path(sys.argv[1])
+    most = MEMORY + PER_BYTE * path.stat().st_size
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    data = _read(path)
     _check(data)
     surface = _surface(data)
     n = surface.GetNumberOfPoints()
