@@ -1,9 +1,11 @@
 """Flow `batch`: many surfaces, in parallel; a bad one stops no other, and what was done is never done again."""
 
+import multiprocessing
 import os
 import signal
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -163,6 +165,17 @@ def _mesh_here(batch: Batch, names: Sequence[str]) -> Iterator[None]:
         yield
 
 
+@contextmanager
+def _ended_at_once() -> Iterator[None]:
+    """Kill the processes of a runner where this one is told to end: else it would wait for their models."""
+    try:
+        yield
+    except (KeyboardInterrupt, TerminationSignal, GeneratorExit):
+        for process in multiprocessing.active_children():
+            process.kill()
+        raise
+
+
 def _mesh_by(runner: Runner, workers: int, batch: Batch, names: Sequence[str]) -> Iterator[None]:
     """Mesh models in other processes.
 
@@ -171,12 +184,12 @@ def _mesh_by(runner: Runner, workers: int, batch: Batch, names: Sequence[str]) -
     """
     left = list(names)
     while left:
-        with runner(min(workers, len(left))) as pool:
+        with runner(min(workers, len(left))) as pool, _ended_at_once():
             yield from submitted(pool, mesh_model, (batch.call(name) for name in left), 4 * workers)
         left = batch.lost(left)
         suspects = [name for name in left if batch.rows.begun(name)] or left[:1]
         for name in suspects:
-            with runner(1) as pool:
+            with runner(1) as pool, _ended_at_once():
                 yield from submitted(pool, mesh_model, [batch.call(name)], 1)
             if batch.lost([name]):
                 batch.died(name)
@@ -256,7 +269,7 @@ def batch(
     shard_size: int = SHARD,
     deployment: str = DEPLOYMENT,
     names: list[str] | None = None,
-) -> State[list[int]]:
+) -> State[None]:
     """Mesh all models of folders, patterns and manifests; what an earlier run of the batch did is kept.
 
     `models` are folders, patterns, manifests, files or model names (see `drl_meshgen.batch.collect`), `out` the folder
@@ -264,7 +277,7 @@ def batch(
     `target_quads`, `triangles`, `seed` and `config` are as for `mesh`; rows of a manifest have the last word. `limit`
     is how long one model may take (seconds). `runner` says who meshes: `workers` processes or Dask workers (default:
     one per core), or the work pool of `deployment` in shards of `shard_size` models; `names` are those of the batch
-    that are meshed (default: all). The state's data are the exit codes of all models.
+    that are meshed (default: all). The table has the exit codes.
     """
     options = chosen(None if config is None else Path(config), target_quads=target_quads, seed=seed)
     place = Store(store)
@@ -300,17 +313,18 @@ def batch(
     rows = {name: row for name in own.jobs if (row := own.rows.read(name)) is not None}
     shown = [_shown(name, row, Path(out) / "meshes" / name) for name, row in rows.items()]
     dashboard.show_run(str(flow_run.name), shown, folder=out, key="batch")
-    codes = [row.exit_code for row in rows.values()]
     bad = [name for name, row in rows.items() if row.status not in {Status.FINE, Status.BELOW_GATE}]
     if bad:
-        return Failed(message=f"{len(bad)} of {len(rows)} models failed: {', '.join(bad[:5])}", data=codes)
-    return Completed(data=codes)
+        return Failed(message=f"{len(bad)} of {len(rows)} models failed: {', '.join(bad[:5])}")
+    return Completed()
 
 
 def _once(models: list[str], given: Mapping[str, Any], names: Sequence[str] | None = None) -> list[int]:
     """Run the flow, tell what failed, and return the exit codes of all models."""
     state = batch(models, **given, names=None if names is None else list(names), return_state=True)
-    codes = state.data.result
+    ended = state.result(raise_on_failure=False)
+    if isinstance(ended, (MeshgenError, OSError)):
+        raise ended
     table = pd.read_parquet(Path(given["out"]) / TABLE)
     own = table if names is None else table[table["name"].isin(names)]
     for sentence in own["sentence"][own["sentence"] != ""].head(SENTENCES):
@@ -318,7 +332,7 @@ def _once(models: list[str], given: Mapping[str, Any], names: Sequence[str] | No
     counts = own["status"].value_counts(sort=False)
     typer.echo(f"{len(own)} models: {', '.join(f'{count} {status}' for status, count in counts.items())}")
     typer.echo(f"table: {Path(given['out']) / TABLE}")
-    return codes
+    return own["exit_code"].tolist()
 
 
 def _watch(models: list[str], given: Mapping[str, Any], options: MeshOptions, seconds: float) -> None:

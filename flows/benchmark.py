@@ -10,6 +10,7 @@ import pandas as pd
 import typer
 from prefect import State, flow
 from prefect.artifacts import create_markdown_artifact, create_table_artifact
+from prefect.exceptions import FailedRun
 from prefect.runtime import flow_run
 from prefect.states import Completed, Failed
 
@@ -105,7 +106,7 @@ def benchmark(
     told = _publish(done, movements, differing)
     worse = movements is not None and Movement.WORSE.value in movements[1]["movement"].tolist()
     if fail_on_worse and worse:
-        return Failed(message=told, data=quality)
+        return Failed(message=told)
     return Completed(message=told, data=quality)
 
 
@@ -181,7 +182,7 @@ def main(
                 return_state=True,
             )
             result = state.result(raise_on_failure=False)
-            if isinstance(result, BaseException):
+            if isinstance(result, BaseException) and not isinstance(result, FailedRun):  # which is ours
                 raise result
     except MeshgenError as error:
         typer.echo(str(error), err=True)

@@ -12,7 +12,7 @@ from prefect.states import Completed, Failed
 from drl_meshgen.commands.meshing import verdict
 from drl_meshgen.commands.output import can_draw, folder_names
 from drl_meshgen.commands.settings import chosen
-from drl_meshgen.errors import overall
+from drl_meshgen.errors import MeshgenError, overall
 from drl_meshgen.pipeline import COMPARED_STAGES, ModelOptions
 from drl_meshgen.report import OURS, slug
 from drl_meshgen.store import ArtifactRef, Store, reopen
@@ -69,6 +69,24 @@ def _publish(surfaces: Sequence[Surfaced], report: ArtifactRef | None, folder: s
         dashboard.show_run(title, shown, report, folder)
 
 
+class SurfacesFailedError(MeshgenError):
+    """Some surfaces have no mesh: what Prefect, which wants errors for that, gets of the outcomes of all."""
+
+    def __init__(self, told: str, outcomes: list[Outcome]) -> None:
+        self.outcomes = outcomes
+        super().__init__(told)
+
+
+def outcomes_of(state: State[list[Outcome]]) -> list[Outcome]:
+    """Return the outcomes of all surfaces from the state of a run; raises what ended the run itself."""
+    ended = state.result(raise_on_failure=False)
+    if isinstance(ended, SurfacesFailedError):
+        return ended.outcomes
+    if isinstance(ended, BaseException):
+        raise ended
+    return ended
+
+
 @flow(name="mesh", flow_run_name=_run_name, description=__doc__)
 def mesh(
     surfaces: list[str],
@@ -87,7 +105,7 @@ def mesh(
     `target_quads` is the wanted number of quads, `triangles` the size of generated models, `seed` that of whatever is
     random, `config` a file of settings, `layout` one of an edited layout, `store` the folder of the artifact store,
     `report` the folder that gets the report; with `compare` other meshers run on the same surfaces. The state tells
-    which surfaces failed; its data are the outcomes.
+    which surfaces failed, and `outcomes_of` what came of all.
     """
     place = Store(store)
     options = chosen(None if config is None else Path(config), target_quads=target_quads, seed=seed)
@@ -105,7 +123,8 @@ def mesh(
     _publish(done, made, report or "", place)
     failures = [outcome.failure for outcome in outcomes if not meshed(outcome)]
     if failures:
-        return Failed(message="; ".join(failures), data=outcomes)
+        told = "; ".join(failures)
+        return Failed(message=told, data=SurfacesFailedError(told, outcomes))
     return Completed(data=outcomes)
 
 
@@ -144,7 +163,7 @@ def main(
     except ServerError as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(error.exit_code) from None
-    outcomes = state.data.result
+    outcomes = outcomes_of(state)
     for outcome in outcomes:
         if meshed(outcome):
             done = reopen(COMPARED_STAGES, outcome.refs, Store(store))

@@ -151,6 +151,19 @@ def test_a_batch_that_was_killed_goes_on_where_it_was(models, server, tmp_path, 
     assert verify(Store(store)).damages == ()
 
 
+def test_a_batch_that_is_told_to_end_ends_at_once_with_its_processes(models, server, tmp_path, monkeypatch):
+    monkeypatch.setenv("PREFECT_API_URL", server)
+    out, store = tmp_path / "out", tmp_path / "store"
+    process = command(out, store, [models / "cap.ply"])
+    until(process, (out / "rows/cap.begun").exists)
+    meshing = workers_of(process)
+    process.terminate()
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 130, errors
+    assert errors.endswith("ended; the same command goes on from here\n")
+    assert not [pid for pid in meshing if Path(f"/proc/{pid}").exists()]
+
+
 def test_a_watched_folder_is_meshed_as_it_fills(models, server, tmp_path, monkeypatch):
     monkeypatch.setenv("PREFECT_API_URL", server)
     out, store = tmp_path / "out", tmp_path / "store"

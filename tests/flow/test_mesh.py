@@ -7,7 +7,7 @@ from drl_meshgen.errors import overall
 from drl_meshgen.export import read_table
 from drl_meshgen.pipeline import COMPARED_STAGES, MeshOptions, run
 from drl_meshgen.store import Store
-from flows.mesh import mesh
+from flows.mesh import mesh, outcomes_of
 from flows.surface import TASKS
 
 SMALL = {"target_quads": 300, "triangles": 5000}
@@ -24,7 +24,7 @@ def test_the_flow_and_the_library_leave_the_same_bytes_and_a_bad_file_spoils_not
     state = mesh(
         [str(tmp_path / "empty.stl"), "hemisphere"], **SMALL, store=store, report=str(report), return_state=True
     )
-    bad, good = state.data.result
+    bad, good = outcomes_of(state)
     assert state.is_failed()
     assert state.message == bad.failure
     assert "empty.stl" in bad.failure
