@@ -23,7 +23,8 @@ from drl_meshgen.pipeline import COMPARED_STAGES
 from drl_meshgen.quality import measure
 from drl_meshgen.rl.plane_metrics import plane_metrics
 from drl_meshgen.templates import Domain
-from flows.mesh import main as flow_main
+from flows.batch import main as batch_main
+from flows.mesh import main as mesh_main
 from tests.standins import hemisphere, hemisphere_ogrid
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -119,9 +120,9 @@ def store_parser(name):
     return parser("store").commands[name]
 
 
-def flow():
+def flow(main):
     alone = typer.Typer()
-    alone.command()(flow_main)
+    alone.command()(main)
     return typer.main.get_command(alone)
 
 
@@ -143,7 +144,12 @@ def test_every_command_of_the_pages_parses(words, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("words", [c for c in commands("python", "-m", "flows.mesh") if len(c) > 3], ids=" ".join)
 def test_every_command_of_the_flow_parses(words):
-    assert flow().make_context("flow", words[3:]).params["surfaces"]
+    assert flow(mesh_main).make_context("flow", words[3:]).params["surfaces"]
+
+
+@pytest.mark.parametrize("words", [c for c in commands("python", "-m", "flows.batch") if len(c) > 3], ids=" ".join)
+def test_every_command_of_the_batch_parses(words):
+    assert flow(batch_main).make_context("batch", words[3:]).params["models"]
 
 
 def test_every_option_of_the_readme_exists():
@@ -152,7 +158,8 @@ def test_every_option_of_the_readme_exists():
         for command in (
             *map(parser, ("mesh", "layout", "check", "fill")),
             *parser("store").commands.values(),
-            flow(),
+            flow(mesh_main),
+            flow(batch_main),
         )
         for p in command.params
         for o in options(p)
