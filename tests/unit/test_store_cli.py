@@ -36,11 +36,11 @@ def rewritten(path, change):
     path.write_bytes(change(content))
 
 
-def toy(store, n):
+def toy(store, n, content="x"):
     """Store an artifact whose content is the same for every `n`."""
 
     def compute(folder):
-        (folder / "x").write_text("x")
+        (folder / "x").write_text(content)
 
     return store.run(Recipe.of("toy", 1, "0" * 64, {}, {"n": n}), compute)
 
@@ -328,22 +328,22 @@ def _use(root, seed):
 
 
 def test_gc_beside_running_processes_loses_nothing_they_use(store, refs):
-    """Everything that is not in use goes at every turn, and no run notices."""
+    """What is not in use goes at every turn, though its content is that of things in use, and no run notices."""
+    values = [str(value) for times in range(4) for value in (3.0, 3.0 * 2**times, 3.0 + 3.0 * 2**times)]
+    aged(store, dict.fromkeys(refs.values(), 0))  # once: later it may be in use
     spawn = multiprocessing.get_context("spawn")
     users = [spawn.Process(target=_use, args=(store.root, seed)) for seed in range(2)]
     for user in users:
         user.start()
-    removed = 0
+    turns = 0
     while any(user.is_alive() for user in users):
-        for ref in refs.values():
-            path = store.record_path(ref.stage, ref.key)
-            if path.exists():
-                os.utime(path, ns=(OLD, OLD))
-        removed += len(gc(store, max_size=0).artifacts)
+        unused = toy(store, turns, values[turns % len(values)])
+        aged(store, {unused: 0})
+        assert unused in [record.ref for record in gc(store, max_size=0).artifacts]
+        turns += 1
     for user in users:
         user.join()
     assert [user.exitcode for user in users] == [0, 0]
-    assert removed
     assert verify(store).damages == ()
 
 

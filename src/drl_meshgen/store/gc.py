@@ -3,6 +3,7 @@
 import shutil
 from collections import Counter
 from collections.abc import Collection, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -92,8 +93,8 @@ def _first_user(store: Store) -> int | None:
     """Return when the longest-lived other process began to use the store (ns), None where there is none."""
     began = []
     for path in sorted((store.root / "locks").glob(f"{USER}*")):
-        with idle(path) as free:
-            if not free and path.exists():
+        with idle(path) as free, suppress(FileNotFoundError):  # its process may end meanwhile
+            if not free:
                 began.append(path.stat().st_mtime_ns)
     return min(began, default=None)
 
