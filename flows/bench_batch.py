@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -20,8 +20,11 @@ from flows.runners import RunnerKind
 from flows.server import start
 
 ROOT = Path(__file__).parents[1]
-POOL = "bench"
-RUNNERS = ((RunnerKind.PROCESSES, 1), (RunnerKind.PROCESSES, 2), (RunnerKind.DASK, 2), (RunnerKind.WORKERS, 2))
+RUNNERS = [
+    (kind, workers) for kind in (RunnerKind.PROCESSES, RunnerKind.DASK, RunnerKind.WORKERS) for workers in (1, 2)
+]
+STEP = 30
+"""Triangles that each model has more than the one before: enough for another surface."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,10 @@ class Timed:
     """What the stages of all models took together (seconds); zero where all were kept."""
     overhead: float
     """What the workers had time for beside the stages, per model (seconds)."""
+    stored: float
+    """Size of the artifact store per model (MB)."""
+    recorded: float
+    """What the server's database grew by, per model (MB)."""
     failed: int
     same_rows: bool
     """Whether the table is that of the first run, but for `seconds`."""
@@ -85,14 +92,14 @@ def _server(home: Path) -> Iterator[dict[str, str]]:
 
 
 @contextmanager
-def _pool(count: int, home: Path, environment: dict[str, str]) -> Iterator[None]:
-    """Deploy the shards of batches to a pool of their own with so many workers, each with one run at a time."""
+def _pool(name: str, count: int, home: Path, environment: dict[str, str]) -> Iterator[None]:
+    """Deploy the shards of batches as batch/`name` to a pool with so many workers, each with one run at a time."""
     deploy = (
         "from flows.batch import batch;"
-        f"batch.from_source({str(ROOT)!r}, 'flows/batch.py:batch').deploy('bench', work_pool_name={POOL!r}, "
+        f"batch.from_source({str(ROOT)!r}, 'flows/batch.py:batch').deploy({name!r}, work_pool_name={name!r}, "
         "parameters={'runner': 'here'})"
     )
-    create = [sys.executable, "-m", "prefect", "work-pool", "create", POOL, "--type", "process"]
+    create = [sys.executable, "-m", "prefect", "work-pool", "create", name, "--type", "process"]
     for command in (create, [sys.executable, "-c", deploy]):
         done = subprocess.run(  # noqa: S603 - fixed commands
             command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False
@@ -101,8 +108,8 @@ def _pool(count: int, home: Path, environment: dict[str, str]) -> Iterator[None]
             raise typer.BadParameter(done.stdout + done.stderr)
     with ExitStack() as stack:
         for k in range(count):
-            command = ["prefect", "worker", "start", "--pool", POOL, "--type", "process", "--limit", "1"]
-            stack.enter_context(_process([*command, "--name", f"worker-{k}"], home / f"worker-{k}.log", environment))
+            command = ["prefect", "worker", "start", "--pool", name, "--type", "process", "--limit", "1"]
+            stack.enter_context(_process([*command, "--name", f"{name}-{k}"], home / f"{name}-{k}.log", environment))
         yield
 
 
@@ -121,10 +128,26 @@ def _run(models: Sequence[str], options: Sequence[str], environment: dict[str, s
     return time.monotonic() - began
 
 
+def _megabytes(paths: Iterable[Path]) -> float:
+    return sum(path.stat().st_size for path in paths if path.is_file()) / 1e6
+
+
+def _database(home: Path) -> float:
+    """Return the size of the server's database with its journals (MB)."""
+    return _megabytes(home.glob("prefect.db*"))
+
+
 def _timed(
-    runner: RunnerKind, workers: int, seconds: float, table: pd.DataFrame, first: pd.DataFrame, *, kept: bool
+    runner: RunnerKind,
+    workers: int,
+    seconds: float,
+    table: pd.DataFrame,
+    first: pd.DataFrame,
+    *,
+    sizes: tuple[float, float],
+    kept: bool,
 ) -> Timed:
-    """Return the figures of a run, its table held to the first rows of the first run's."""
+    """Return the figures of a run, its table held to the first rows of the first run's; `sizes` in MB of all models."""
     meshing = 0.0 if kept else float(table["seconds"].sum())
     common = first.iloc[: len(table)].reset_index(drop=True)
     return Timed(
@@ -136,18 +159,21 @@ def _timed(
         60 * len(table) / seconds,
         meshing,
         (seconds * (1 if kept else workers) - meshing) / len(table),
+        sizes[0] / len(table),
+        sizes[1] / len(table),
         int((~table["status"].isin(["fine", "below gate"])).sum()),
         table.drop(columns="seconds").equals(common.drop(columns="seconds")),
     )
 
 
 def _markdown(rows: Sequence[Timed]) -> str:
-    head = "| runner | workers | models | run | seconds | models/min | meshing, s | beside it, s per model | failed |"
-    head += " same rows |"
-    lines = [head, "| --- " + "| ---: " * 2 + "| --- " + "| ---: " * 5 + "| --- |"]
+    head = "| runner | workers | models | run | seconds | models/min | meshing, s | beside it, s per model |"
+    head += " store, MB per model | database, MB per model | failed | same rows |"
+    lines = [head, "| --- " + "| ---: " * 2 + "| --- " + "| ---: " * 7 + "| --- |"]
     for row in rows:
         cells = [row.runner, row.workers, row.models, "all kept" if row.kept else "cold", f"{row.seconds:.1f}"]
-        cells += [f"{row.models_per_minute:.1f}", f"{row.meshing:.1f}", f"{row.overhead:.2f}", row.failed]
+        cells += [f"{row.models_per_minute:.1f}", f"{row.meshing:.1f}", f"{row.overhead:.2f}"]
+        cells += [f"{row.stored:.2f}", f"{row.recorded:.3f}", row.failed]
         lines.append("| " + " | ".join(map(str, [*cells, "yes" if row.same_rows else "**no**"])) + " |")
     return "\n".join(lines) + "\n"
 
@@ -156,7 +182,7 @@ def main(
     *,
     count: Annotated[int, typer.Option("--models", min=1, help="Models of a run by processes.")] = 200,
     others: Annotated[int | None, typer.Option(min=1, help="Models of other runs.  [default: the same]")] = None,
-    triangles: Annotated[int, typer.Option(help="Size of the smallest model; each next one has ten more.")] = 5000,
+    triangles: Annotated[int, typer.Option(help=f"Size of the smallest model; each next one has {STEP} more.")] = 5000,
     target_quads: Annotated[int, typer.Option(min=4, help="Wanted number of quads.")] = 200,
     out: Annotated[Path, typer.Option(help="Folder of batch.csv and batch-table.md.")] = Path("out/bench-batch"),
 ) -> None:
@@ -170,25 +196,29 @@ def main(
         environment = stack.enter_context(_server(home))
         for runner, workers in RUNNERS:
             number = count if runner is RunnerKind.PROCESSES else min(others or count, count)
-            place = Path(folder) / f"{runner.value}-{workers}"
+            name = f"{runner.value}-{workers}"
+            place = Path(folder) / name
             manifest = Path(folder) / f"models-{number}.csv"
-            sizes = [triangles + 10 * k for k in range(number)]
+            sizes = [triangles + STEP * k for k in range(number)]
             pd.DataFrame({"model": "hemisphere", "triangles": sizes}).to_csv(manifest, index=False)
             options = ["--out", str(place), "--store", str(place / "store")]
             options += ["--target-quads", str(target_quads), "--no-pictures", "--runner", runner.value]
-            if runner is RunnerKind.WORKERS:
-                stack.enter_context(_pool(workers, home, environment))
-                options += ["--deployment", "batch/bench", "--shard-size", str(-(-number // (2 * workers)))]
-            else:
-                options += ["--workers", str(workers)]
-            for kept in (False, True):
-                seconds = _run([str(manifest)], options, environment)
-                table = pd.read_parquet(place / TABLE)
-                first = table if first is None else first
-                rows.append(_timed(runner, workers, seconds, table, first, kept=kept))
-                pd.DataFrame([asdict(row) for row in rows]).round(3).to_csv(out / "batch.csv", index=False)
-                (out / "batch-table.md").write_text(_markdown(rows), "utf-8")
-                typer.echo(f"{runner.value} {workers} {'kept' if kept else 'cold'}: {seconds:.1f} s")
+            with ExitStack() as helpers:
+                if runner is RunnerKind.WORKERS:
+                    helpers.enter_context(_pool(name, workers, home, environment))
+                    options += ["--deployment", f"batch/{name}", "--shard-size", str(-(-number // (2 * workers)))]
+                else:
+                    options += ["--workers", str(workers)]
+                for kept in (False, True):
+                    before = _database(home)
+                    seconds = _run([str(manifest)], options, environment)
+                    table = pd.read_parquet(place / TABLE)
+                    first = table if first is None else first
+                    grown = _megabytes((place / "store").rglob("*")), _database(home) - before
+                    rows.append(_timed(runner, workers, seconds, table, first, sizes=grown, kept=kept))
+                    pd.DataFrame([asdict(row) for row in rows]).round(3).to_csv(out / "batch.csv", index=False)
+                    (out / "batch-table.md").write_text(_markdown(rows), "utf-8")
+                    typer.echo(f"{name} {'kept' if kept else 'cold'}: {seconds:.1f} s")
 
 
 if __name__ == "__main__":
