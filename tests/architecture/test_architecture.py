@@ -48,3 +48,13 @@ def test_the_package_loads_without_prefect_and_heavy_libraries():
     script = "import drl_meshgen, sys; print(*{'prefect', 'torch', 'vtk', 'gmsh', 'pymeshlab'} & set(sys.modules))"
     result = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
     assert result.stdout.split() == []
+
+
+def test_a_surface_is_meshed_without_the_libraries_that_learning_and_pictures_need():
+    script = (
+        "import sys; from drl_meshgen.pipeline import MeshOptions, run; "
+        "run('hemisphere', MeshOptions().sized(100), triangles=5000); "
+        "print(*{'prefect', 'torch', 'matplotlib', 'gmsh', 'jinja2'} & set(sys.modules))"
+    )
+    result = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert result.stdout.split() == []

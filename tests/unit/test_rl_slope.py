@@ -3,7 +3,8 @@ import pytest
 import torch
 
 from drl_meshgen.rl import DataSet, samples_of, twin
-from drl_meshgen.rl.slope import Worth, worth_and_slope
+from drl_meshgen.rl.slope import worth_and_slope
+from drl_meshgen.rl.worth import Worth
 from drl_meshgen.templates import RulePolicy, instantiate
 from drl_meshgen.templates.score import Weights
 

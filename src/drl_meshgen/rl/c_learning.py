@@ -15,8 +15,8 @@ from drl_meshgen.rl.c_domains import divided, drawn_counts, drawn_shape, drawn_s
 from drl_meshgen.rl.c_scene import PER_PART, CScene, counts_of, part_samples
 from drl_meshgen.rl.c_surrogate import CSurrogate
 from drl_meshgen.rl.networks import Placer
-from drl_meshgen.rl.slope import Worth
 from drl_meshgen.rl.symmetry import of_transition
+from drl_meshgen.rl.worth import Worth
 from drl_meshgen.templates.score import Weights
 
 

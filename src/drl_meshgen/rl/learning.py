@@ -22,9 +22,9 @@ from drl_meshgen.rl.domains import resampled
 from drl_meshgen.rl.kernel import judge_o
 from drl_meshgen.rl.networks import CornerValue, Placer, weights_of
 from drl_meshgen.rl.scene import Scene, corner_choices, views
-from drl_meshgen.rl.slope import Worth
 from drl_meshgen.rl.surrogate import Surrogate
 from drl_meshgen.rl.symmetry import of_square
+from drl_meshgen.rl.worth import Worth
 from drl_meshgen.templates.domain import Domain
 from drl_meshgen.templates.score import Weights
 

@@ -1,13 +1,10 @@
 """Reward and penalty of meshes with their gradient in the nodes, compiled: the twin's figures, far cheaper.
 
-`Worth` brings them into PyTorch; there the reward less the penalty is one function of nodes.
+`worth` brings them into PyTorch, which meshing does without: it takes two seconds to load.
 """
-
-from typing import Any
 
 import numba
 import numpy as np
-import torch
 from jaxtyping import Float, Int
 
 from drl_meshgen.templates.score import LEAST_JACOBIAN, PENALTY, Weights
@@ -119,22 +116,3 @@ def worth_and_slope(
     slope = np.zeros_like(points)
     factors = w.quality * w.orthogonality, w.quality * w.jacobian
     return _worth(np.ascontiguousarray(points, np.float64), quads, share, factors, slope), slope
-
-
-class Worth(torch.autograd.Function):
-    """`worth_and_slope` for PyTorch: `Worth.apply(points, quads, share, weights)`, double precision."""
-
-    @staticmethod
-    def forward(
-        ctx: Any, points: torch.Tensor, quads: torch.Tensor, share: torch.Tensor, weights: Weights
-    ) -> torch.Tensor:
-        """Return the worth of each mesh, (b,)."""
-        value, slope = worth_and_slope(points.detach().numpy(), quads.numpy(), share.numpy(), weights)
-        ctx.save_for_backward(torch.as_tensor(slope))
-        return torch.as_tensor(value)
-
-    @staticmethod
-    def backward(ctx: Any, *above: torch.Tensor) -> tuple[torch.Tensor, None, None, None]:
-        """Return the gradient in the points."""
-        (slope,) = ctx.saved_tensors
-        return above[0][:, None, None] * slope, None, None, None
