@@ -225,6 +225,24 @@ def test_a_database_stopped_in_mid_batch_loses_nothing(topology, api, store):
     complete(topology, batch, store)
 
 
+def test_a_worker_killed_before_its_run_begins_loses_nothing(topology, api, store):
+    batch = Batch(api, domes(topology.app, 400, MODELS // 2))
+
+    def starting():
+        return [run for run in batch.shards() if run["state_type"] == "PENDING" and run["infrastructure_pid"]]
+
+    taken = until(starting, 120, "a shard that starts")[0]
+    process = int(taken["infrastructure_pid"].rpartition(":")[2])
+    workers = [topology.services[f"worker-{k}"] for k in (1, 2)]
+    worker = next(one for one in workers if process in one.family())
+    worker.kill()
+    worker.start()
+    complete(topology, batch, store)
+    assert batch.again == 0
+    ended = {run["id"]: run["state_type"] for run in batch.shards()}
+    assert ended[taken["id"]] == "CRASHED"
+
+
 def test_a_worker_killed_in_mid_batch_loses_nothing(topology, api, store):
     batch = Batch(api, domes(topology.app, 300, MODELS // 2))
     batch.halfway(store)
