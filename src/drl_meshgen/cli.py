@@ -29,6 +29,7 @@ from drl_meshgen.commands.arguments import (
     Triangles,
     check_sizes,
     leave,
+    working,
 )
 from drl_meshgen.commands.store_app import app as store_app
 
@@ -232,9 +233,12 @@ def fill(
     """
 
     def command() -> int:
-        from drl_meshgen.commands.filling import fill as run
+        with working(f"filling {domain.name}"):
+            from drl_meshgen.commands.filling import fill as run
+            from drl_meshgen.commands.filling import tell
 
-        return run(domain, out, policy, template, layers, finish=finish, pictures=not no_pictures)
+            filled = run(domain, out, policy, template, layers, finish=finish, pictures=not no_pictures)
+        return tell(filled)
 
     leave(command, debug=debug)
 

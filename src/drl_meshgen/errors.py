@@ -20,6 +20,11 @@ def overall(codes: Iterable[int]) -> int:
     return max(known, default=FINE)
 
 
+def disk_sentence(error: OSError) -> str:
+    """Return what a disk, file or network said, in one line without the error's number."""
+    return f"{error.strerror or error}: {error.filename or ''}".rstrip(": ")
+
+
 class Place(NamedTuple):
     """Where on a surface something is wrong."""
 

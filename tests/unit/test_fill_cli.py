@@ -1,5 +1,9 @@
 """The `fill` command: one plane domain in, a mesh out, and bad boundaries refused in one sentence."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -149,3 +153,25 @@ def test_finished_meshes_have_four_layers_unless_told(tmp_path):
         out = tmp_path / str(layers)
         assert run(write(tmp_path / "a.csv", OVAL), out, "--template", "o", *more).exit_code == 0
         assert pd.read_parquet(out / "parameters.parquet").layers[0] == layers
+
+
+def test_a_terminal_is_told_at_once_what_is_filled_whatever_its_name(tmp_path):
+    path = write(tmp_path / "[bold].csv", OVAL)
+    ours, theirs = os.openpty()
+    command = [
+        sys.executable,
+        "-m",
+        "drl_meshgen.cli",
+        "fill",
+        str(path),
+        "--out",
+        str(tmp_path / "out"),
+        "--no-pictures",
+    ]
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=theirs, check=True)
+    shown = os.read(ours, 100_000).decode()
+    os.close(ours)
+    os.close(theirs)
+    assert "filling [bold].csv" in shown
+    assert shown.rstrip().endswith("\x1b[2K")  # nothing of it stays
+    assert done.stdout.startswith(b"quads ")

@@ -7,6 +7,7 @@ import uuid
 import pytest
 
 from drl_meshgen.store import Store, execute
+from drl_meshgen.store.catalogue import Catalogue
 from drl_meshgen.store.remote import remote_at
 from drl_meshgen.store.transfer import LARGEST_RECORD, pull, push
 from drl_meshgen.store.verify import verify
@@ -51,6 +52,15 @@ def test_one_artifact_is_pushed_with_all_it_was_made_from(run, store, refs, othe
     run(other, "pull", place)
     assert execute(STAGES, store=other).refs == refs
     assert run(store, "push", place, "--only", "0000").exit_code == 3
+
+
+def test_one_artifact_is_pulled_with_all_it_was_made_from(run, store, refs, other, place):
+    execute(STAGES, {"number": NumberOptions("four")}, store=store)
+    run(store, "push", place)
+    told = run(other, "pull", place, "--only", refs["double"].key[:12])
+    assert "fetched 2 artifacts" in told.stdout
+    assert {record.ref.key for record in Catalogue.of(other).records} == {refs["number"].key, refs["double"].key}
+    assert run(other, "pull", place, "--only", "0000").exit_code == 3
 
 
 def test_the_same_run_on_two_machines_has_nothing_to_copy(store, other):

@@ -1,13 +1,15 @@
-"""Arguments that commands share, and how every command ends. Nothing heavy is imported here."""
+"""Arguments that commands share, and how every command begins and ends. Nothing heavy is imported here."""
 
+import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from drl_meshgen.errors import MeshgenError
+from drl_meshgen.errors import MeshgenError, disk_sentence
 
 EXIT_CODES = (
     "Exit codes: 0 fine, 1 internal error or a stage without a result, 2 usage, 3 bad input, "
@@ -77,6 +79,19 @@ def check_sizes(inputs: list[str], quads: int | None, edge: float | None, layout
         raise typer.BadParameter("--layout is of one INPUT")
 
 
+@contextmanager
+def working(what: str) -> Iterator[None]:
+    """Tell a terminal what a command does that has nothing to print until its end, and take that back then."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console
+    from rich.text import Text
+
+    with Console(file=sys.stderr).status(Text(what)):
+        yield
+
+
 def leave(command: Callable[[], int], *, debug: bool) -> None:
     """Run a command and leave with its exit code; nobody sees a traceback who did not ask for it."""
     try:
@@ -87,7 +102,7 @@ def leave(command: Callable[[], int], *, debug: bool) -> None:
     except BrokenPipeError:  # `| head` has seen enough; typer ends quietly
         raise
     except OSError as error:
-        typer.echo(f"{error.strerror or error}: {error.filename or ''}".rstrip(": "), err=True)
+        typer.echo(disk_sentence(error), err=True)
         if debug:
             traceback.print_exception(error)
         code = 1

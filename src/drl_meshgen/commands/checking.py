@@ -6,11 +6,10 @@ from pathlib import Path
 import typer
 
 from drl_meshgen.cleanup import CleanupOptions, clean
+from drl_meshgen.errors import BELOW_GATE, FINE
 from drl_meshgen.export import read_mesh
 from drl_meshgen.models.reading import read_surface
 from drl_meshgen.quality import Quality, gate, measure
-
-FINE, BELOW_GATE = 0, 4
 
 COUNTS = ("quads", "nodes", "irregular", "blocks", "named_blocks", "t_junctions", "components", "loops", "euler")
 DEGREES = ("min_angle", "max_angle", "warp")

@@ -1,6 +1,7 @@
 """The `fill` command: one plane domain, one template."""
 
-from dataclasses import asdict
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import typer
 from drl_meshgen.assembly import SubdomainOptions
 from drl_meshgen.commands.outline import read_outline
 from drl_meshgen.commands.output import complete
+from drl_meshgen.errors import BELOW_GATE, FINE
 from drl_meshgen.export import write_mesh, write_table
 from drl_meshgen.quality import gate, measure
 from drl_meshgen.rl.finish import LAYERS, finished
@@ -18,7 +20,19 @@ from drl_meshgen.rl.policies import policy_named
 from drl_meshgen.rl.template_type import Template, template_for
 from drl_meshgen.templates import CParameters, Domain, OParameters, Outcome, unfolded
 
-FINE, BELOW_GATE = 0, 4
+
+@dataclass(frozen=True)
+class Filled:
+    """What there is to tell of a filled polygon."""
+
+    name: str
+    """The file's name."""
+    turned: bool
+    """Whether its points run clockwise."""
+    figures: Mapping[str, float]
+    """Metrics of the mesh by name."""
+    below: tuple[str, ...]
+    """What keeps it below the quality gate, in sentences."""
 
 
 def fill(
@@ -30,18 +44,15 @@ def fill(
     *,
     finish: bool = True,
     pictures: bool = True,
-) -> int:
-    """Fill the polygon of a file by a template; write the mesh to a folder and print what it is like.
+) -> Filled:
+    """Fill the polygon of a file by a template and write the mesh to a folder.
 
     With `finish`, interior nodes then move by themselves, and O-type meshes have `LAYERS` layers if not told.
-    Returns the exit code: 4 below the quality gate, else 0. Raises `InputError` for a boundary that cannot be filled
-    and for a policy that is not known.
+    Raises `InputError` for a boundary that cannot be filled and for a policy that is not known.
     """
     policy = policy or SubdomainOptions.policy
     chooser = policy_named(policy)
     nodes, turned = read_outline(boundary)
-    if turned:
-        typer.echo(f"{boundary.name}: runs clockwise; taken the other way round, from the same first point", err=True)
     domain = Domain(nodes)
     parameters = template_for(chooser, domain, Template(template), layers or (LAYERS if finish else None))
     mesh, outcome = unfolded(domain, parameters)
@@ -56,14 +67,21 @@ def fill(
             from drl_meshgen.report.plane import draw_template  # Matplotlib takes a second to load
 
             draw_template(folder / "mesh.png", mesh)
-    for name, value in figures.items():
-        typer.echo(f"{name:<22} {value:>12.6g}")
     below = gate(measure(mesh.blocks.mesh, block=mesh.blocks.block))
     if outcome is Outcome.FOLDED:
         below = (f"{len(mesh.folded)} folded: {Outcome.FOLDED.value}",)
-    for sentence in below:
+    return Filled(boundary.name, turned, figures, below)
+
+
+def tell(filled: Filled) -> int:
+    """Print what the mesh of a polygon is like and return the exit code: 4 below the quality gate, else 0."""
+    if filled.turned:
+        typer.echo(f"{filled.name}: runs clockwise; taken the other way round, from the same first point", err=True)
+    for name, value in filled.figures.items():
+        typer.echo(f"{name:<22} {value:>12.6g}")
+    for sentence in filled.below:
         typer.echo(f"below the quality gate: {sentence}", err=True)
-    return BELOW_GATE if below else FINE
+    return BELOW_GATE if filled.below else FINE
 
 
 def parameter_table(p: OParameters | CParameters, policy: str, outcome: Outcome, *, finish: bool) -> pd.DataFrame:

@@ -27,7 +27,7 @@ from drl_meshgen.commands.output import (
     write_rivals,
     zone_table,
 )
-from drl_meshgen.errors import BELOW_GATE, FINE, INTERNAL, InputError, MeshgenError, overall
+from drl_meshgen.errors import BELOW_GATE, FINE, INTERNAL, InputError, MeshgenError, disk_sentence, overall
 from drl_meshgen.models import is_generated
 from drl_meshgen.pipeline import MeshOptions
 from drl_meshgen.quality import Quality, gate
@@ -101,7 +101,7 @@ def _failures_told(label: str, *, debug: bool) -> Iterator[list[int]]:
         typer.echo(f"{label}: {error}", err=True)
     except OSError as error:
         codes.append(INTERNAL)
-        typer.echo(f"{label}: {error.strerror or error}: {error.filename or ''}".rstrip(": "), err=True)
+        typer.echo(f"{label}: {disk_sentence(error)}", err=True)
     except Exception as error:  # noqa: BLE001 - the other inputs shall have their turn
         codes.append(INTERNAL)
         typer.echo(f"{label}: internal error: {_sentence(error)}; --debug shows where", err=True)
@@ -225,7 +225,7 @@ def bar(name: str) -> Iterator[Callable[[Step], None] | None]:
         yield None
         return
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),  # brackets in names are no styles
         BarColumn(),
         TextColumn("{task.fields[stage]:<12}"),
         TimeElapsedColumn(),

@@ -5,11 +5,9 @@ import threading
 
 import typer
 
-from drl_meshgen.errors import InputError
+from drl_meshgen.errors import FINE, InputError
 from drl_meshgen.store import Store
 from drl_meshgen.store.serve import ArtifactServer
-
-FINE = 0
 
 
 def serve(store: Store, host: str, port: int) -> int:

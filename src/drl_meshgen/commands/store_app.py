@@ -33,6 +33,10 @@ Folder = Annotated[
     typer.Option("--store", metavar="DIR", help="The store.  [default: DRL_MESHGEN_STORE, else artifacts]"),
 ]
 Key = Annotated[str, typer.Argument(metavar="ID", help="Key of an artifact, or as many of its digits as are needed.")]
+Only = Annotated[
+    list[str] | None,
+    typer.Option("--only", metavar="ID", help="Copy only this artifact and all it was made from; may be repeated."),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
@@ -221,10 +225,7 @@ def reproduce(
 def push(
     target: Annotated[str, typer.Argument(metavar="TARGET", help="Folder, or URL such as s3://bucket/prefix.")],
     *,
-    only: Annotated[
-        list[str] | None,
-        typer.Option(metavar="ID", help="Copy only this artifact and all it was made from; may be repeated."),
-    ] = None,
+    only: Only = None,
     store: Folder = None,
     debug: Debug = False,
 ) -> None:
@@ -243,6 +244,7 @@ def push(
 def pull(
     source: Annotated[str, typer.Argument(metavar="SOURCE", help="Folder, or URL such as s3://bucket/prefix.")],
     *,
+    only: Only = None,
     store: Folder = None,
     debug: Debug = False,
 ) -> None:
@@ -252,7 +254,7 @@ def pull(
         from drl_meshgen.commands.storing import copy_in
         from drl_meshgen.store import Store
 
-        return copy_in(Store(store), source)
+        return copy_in(Store(store), source, only or [])
 
     leave(command, debug=debug)
 

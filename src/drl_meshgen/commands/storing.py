@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from drl_meshgen.errors import InputError
+from drl_meshgen.commands.arguments import working
+from drl_meshgen.errors import FINE, InputError
 from drl_meshgen.store import Store
 from drl_meshgen.store.catalogue import SHORT, Catalogue
 from drl_meshgen.store.compare import flattened
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from drl_meshgen.pipeline import MeshOptions
     from drl_meshgen.store.explain import Step
 
-FINE, WRONG = 0, 1
+WRONG = 1
 
 _UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "t": 10**12, "ki": 2**10, "mi": 2**20, "gi": 2**30, "ti": 2**40}
 
@@ -44,15 +45,22 @@ def size_text(size: int) -> str:
     return f"{size} B"
 
 
+def _catalogue(store: Store) -> Catalogue:
+    with working("reading the records of the store"):
+        return Catalogue.of(store)
+
+
 def list_records(store: Store, stages: Sequence[str], inputs: Sequence[str], *, as_json: bool) -> int:
     """Print a line per record, or JSON; of these stages and surfaces where any are given."""
-    catalogue = Catalogue.of(store)
+    catalogue = _catalogue(store)
     known = {record.ref.stage for record in catalogue.records}
     if unknown := [stage for stage in stages if stage not in known]:
         raise InputError(
             unknown[0], "no artifact is of such a stage", f"there are {', '.join(sorted(known)) or 'none'}"
         )
-    rows = [_row(store, catalogue, record) for record in catalogue.records if not stages or record.ref.stage in stages]
+    chosen = [record for record in catalogue.records if not stages or record.ref.stage in stages]
+    with working("looking up the files of the store"):
+        rows = [_row(store, catalogue, record) for record in chosen]
     rows = [row for row in rows if not inputs or set(inputs) & set(row["input"])]
     if as_json:
         typer.echo(json.dumps(rows, indent=1))
@@ -82,7 +90,7 @@ def _size(store: Store, sha: str) -> int | None:
 
 def show(store: Store, key: str, *, as_json: bool) -> int:
     """Print what is known of one artifact: what it was made from, with what, and what came of it."""
-    catalogue = Catalogue.of(store)
+    catalogue = _catalogue(store)
     record = catalogue.named(key)
     facts = _facts(store, catalogue, record)
     typer.echo(json.dumps(facts, indent=1) if as_json else "\n".join(_told(facts)))
@@ -155,7 +163,8 @@ def _lines(options: object) -> list[str]:
 
 def check(store: Store, *, repair: bool) -> int:
     """Hash everything in the store and print what is damaged; the exit code is 1 where anything is."""
-    verdict = verify(store, repair=repair)
+    with working("hashing all files of the store"):
+        verdict = verify(store, repair=repair)
     for damage in verdict.damages:
         typer.echo(str(damage))
     count = len(verdict.damages)
@@ -175,8 +184,10 @@ def check(store: Store, *, repair: bool) -> int:
 
 def clean_up(store: Store, keep: Sequence[str], max_size: int | None, *, dry_run: bool) -> int:
     """Remove rubbish and, above a size in bytes, artifacts; print what went and what is left."""
-    catalogue = Catalogue.of(store)
-    cleaning = gc(store, [catalogue.named(key) for key in keep], max_size, dry_run=dry_run)
+    catalogue = _catalogue(store)
+    kept = [catalogue.named(key) for key in keep]
+    with working("looking for what may go"):
+        cleaning = gc(store, kept, max_size, dry_run=dry_run)
     for record in cleaning.artifacts:
         typer.echo(f"{record.ref.stage:<12} {record.ref.key[:SHORT]}  {' '.join(catalogue.surfaces(record))}".rstrip())
     typer.echo(
@@ -241,7 +252,7 @@ def recompute(store: Store, key: str, source: Path | None, *, whole: bool = Fals
 
     With `whole` also everything it was made from, the surface first.
     """
-    catalogue = Catalogue.of(store)
+    catalogue = _catalogue(store)
     named = catalogue.named(key)
     if not whole:
         return _again(catalogue, named, store, source)
@@ -252,10 +263,14 @@ def recompute(store: Store, key: str, source: Path | None, *, whole: bool = Fals
 def _again(catalogue: Catalogue, record: Record, store: Store, source: Path | None) -> int:
     typer.echo(f"{record.ref.stage} {record.ref.key[:SHORT]}: computing it again, which took {record.seconds:.2f} s")
 
+    from drl_meshgen.commands import reports
     from drl_meshgen.pipeline import COMPARED_STAGES
     from drl_meshgen.store.reproduce import reproduce
 
-    done = reproduce(COMPARED_STAGES, catalogue, record, store, source)
+    if record.ref.stage == reports.STAGE:
+        done = reports.reproduce(catalogue, record, store)
+    else:
+        done = reproduce(COMPARED_STAGES, catalogue, record, store, source)
     for sentence in done.different:
         typer.echo(sentence)
     if done.code_changed:
@@ -272,14 +287,21 @@ def copy_out(store: Store, target: str, only: Sequence[str]) -> int:
 
     `only` are keys of artifacts that are copied with all they were made from; none: everything.
     """
-    catalogue = Catalogue.of(store)
+    catalogue = _catalogue(store)
     chosen = [catalogue.named(key) for key in only]
-    return _copied(push(store, remote_at(target), chosen), "sent")
+    with working(f"copying to {target}"):
+        transfer = push(store, remote_at(target), chosen)
+    return _copied(transfer, "sent")
 
 
-def copy_in(store: Store, source: str) -> int:
-    """Copy what this store lacks; the exit code is 1 where something there is damaged and was not copied."""
-    return _copied(pull(store, remote_at(source)), "fetched")
+def copy_in(store: Store, source: str, only: Sequence[str]) -> int:
+    """Copy what this store lacks; the exit code is 1 where something there is damaged and was not copied.
+
+    `only` are keys of artifacts there that are copied with all they were made from; none: everything.
+    """
+    with working(f"copying from {source}"):
+        transfer = pull(store, remote_at(source), only)
+    return _copied(transfer, "fetched")
 
 
 def _copied(transfer: Transfer, done: str) -> int:

@@ -2,7 +2,7 @@
 
 import json
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from drl_meshgen.errors import InputError
 from drl_meshgen.store.canonical import canonical, file_digest
 from drl_meshgen.store.catalogue import SHORT, Catalogue, upstream_stage
 from drl_meshgen.store.record import Record
-from drl_meshgen.store.ref import ArtifactRef
+from drl_meshgen.store.ref import ArtifactRef, Recipe
 from drl_meshgen.store.restore import restored
 from drl_meshgen.store.stage import Stage, load
 from drl_meshgen.store.store import Store
@@ -44,13 +44,21 @@ def reproduce(
         raise InputError(name, f"{record.ref.stage} is no stage of the pipeline", "run the flow that made it again")
     stage = by_name[record.ref.stage]
     options = _options(stage, record, source)
-    refs = _inputs(catalogue, record, store)
+    refs = inputs_of(catalogue, record, store)
     present = stage.recipe(refs, options)
     if present.options != record.recipe.options:
         raise InputError(name, "the file it was made from has another content now", "name the former one with --input")
     inputs = {upstream: load(by_name[upstream], refs[upstream], store) for upstream in stage.inputs}
+    return judged(record, present, store, lambda folder: stage.write(stage.run(inputs, options), folder))
+
+
+def judged(record: Record, present: Recipe, store: Store, write: Callable[[Path], object]) -> Reproduction:
+    """Let `write` write an artifact to a temporary folder and compare it with the record.
+
+    `present` is the recipe that the artifact has now.
+    """
     with tempfile.TemporaryDirectory() as place:
-        stage.write(stage.run(inputs, options), Path(place))
+        write(Path(place))
         same, different = _compared(Path(place), record, store)
     changed = (present.source, present.version) != (record.recipe.source, record.recipe.version)
     return Reproduction(same, different, changed)
@@ -71,7 +79,8 @@ def _options(stage: Stage[Any, Any], record: Record, source: Path | None) -> Any
     return replace(options, source=str(source))
 
 
-def _inputs(catalogue: Catalogue, record: Record, store: Store) -> dict[str, ArtifactRef]:
+def inputs_of(catalogue: Catalogue, record: Record, store: Store) -> dict[str, ArtifactRef]:
+    """Return a sound artifact for every input of a record; raises `InputError` where one is gone."""
     refs = {}
     for name, origins in catalogue.origins(record).items():
         sound = (store.find(one.ref.stage, one.ref.key) for one in origins)
@@ -83,6 +92,7 @@ def _inputs(catalogue: Catalogue, record: Record, store: Store) -> dict[str, Art
 
 
 def _compared(folder: Path, record: Record, store: Store) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return which outputs of a record have the same bytes in a folder, and a sentence for each other one."""
     files = {path.relative_to(folder).as_posix(): path for path in sorted(folder.rglob("*")) if path.is_file()}
     same, different = [], []
     for name in sorted({*files, *record.ref.outputs}):

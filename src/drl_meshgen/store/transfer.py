@@ -57,16 +57,19 @@ def push(store: Store, remote: Remote, only: Sequence[Record] = ()) -> Transfer:
     return Transfer(artifacts, objects, size, tuple(refused))
 
 
-def pull(store: Store, remote: Remote) -> Transfer:
+def pull(store: Store, remote: Remote, only: Sequence[str] = ()) -> Transfer:
     """Copy the artifacts that this store lacks, or whose record is damaged or names a file that is missing.
 
-    Nothing becomes visible before its digest was checked, the record last. Raises `InputError` where the remote has no
-    record and OSError where it fails.
+    Where `only` names any by the start of their keys, these and all they were made from; then all records of the remote
+    are read first. Nothing becomes visible before its digest was checked, the record last. Raises `InputError` where
+    the remote has no record or none of such a key, and OSError where it fails.
     """
     there = remote.sizes()
     names = sorted(name for name in there if name.startswith("records/"))
     if not names:
         raise InputError("pull", "there is no artifact store at that place", "name the folder that has records/ in it")
+    if only:
+        names = _lineage(store, remote, {name: there[name] for name in names}, only)
     artifacts = objects = size = 0
     refused = []
     for name in names:
@@ -91,6 +94,14 @@ def pull(store: Store, remote: Remote) -> Transfer:
                 settle(folder / "record.json", store.root / name)
         artifacts += 1
     return Transfer(artifacts, objects, size, tuple(refused))
+
+
+def _lineage(store: Store, remote: Remote, sizes: Mapping[str, int], keys: Sequence[str]) -> list[str]:
+    """Return the names of the remote's records of artifacts and of all they were made from."""
+    with store.scratch() as folder:
+        read = (_fetched_record(remote, name, size, folder / "record.json") for name, size in sizes.items())
+        catalogue = Catalogue(record for record in read if record is not None)
+    return [_record_name(record) for record in catalogue.lineage(catalogue.named(key) for key in keys)]
 
 
 def _object_name(sha: str) -> str:
