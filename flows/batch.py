@@ -17,14 +17,15 @@ from prefect import State, flow, get_run_logger, task
 from prefect.cache_policies import NO_CACHE
 from prefect.client.orchestration import get_client
 from prefect.deployments import run_deployment
-from prefect.exceptions import TerminationSignal
+from prefect.exceptions import FailedRun, TerminationSignal
 from prefect.runtime import flow_run
 from prefect.states import Completed, Failed
 
-from drl_meshgen.batch import TABLE, Job, Row, Rows, Status, Watch, collect, key_of
+from drl_meshgen.batch import TABLE, Job, Row, Rows, Status, Watch, collect, keys_of
+from drl_meshgen.commands.arguments import leave
 from drl_meshgen.commands.output import can_draw, complete, write_layout_file, write_pictures, write_results
 from drl_meshgen.commands.settings import chosen
-from drl_meshgen.errors import BELOW_GATE, FINE, INTERNAL, InputError, MeshgenError, overall
+from drl_meshgen.errors import BELOW_GATE, FINE, INTERNAL, InputError, disk_sentence, overall
 from drl_meshgen.models import is_generated
 from drl_meshgen.pipeline import MeshOptions, ModelOptions
 from drl_meshgen.report import OURS
@@ -110,6 +111,8 @@ def mesh_model(job: Job, key: str, work: Work) -> State[None]:
     rows.begin(job.name)
     try:
         row = _meshed(job, key, work, store)
+    except OSError as error:  # a disk that is full or read-only: no fault of the code
+        row = Row(key, Status.INTERNAL, INTERNAL, f"{job.name}: {disk_sentence(error)}")
     except Exception as error:  # noqa: BLE001 - a row tells of it, and the others shall have their turn
         get_run_logger().exception("not meshed")
         sentence = f"{job.name}: internal error: {type(error).__name__}: {error}"
@@ -128,7 +131,7 @@ class Batch:
         self.work = work
         self.rows = Rows(Path(work.out), Store(work.store))
         self.jobs = {job.name: job for job in jobs}
-        self.keys = {job.name: key_of(job, compare=work.compare) for job in jobs}
+        self.keys = keys_of(jobs, compare=work.compare)
         self.fresh = [name for name in self.jobs if not self._kept(name)]
         """Names of those without a row of this batch; the others are kept."""
         self.pending = [name for name in self.fresh if not self.jobs[name].refusal]
@@ -323,7 +326,7 @@ def _once(models: list[str], given: Mapping[str, Any], names: Sequence[str] | No
     """Run the flow, tell what failed, and return the exit codes of all models."""
     state = batch(models, **given, names=None if names is None else list(names), return_state=True)
     ended = state.result(raise_on_failure=False)
-    if isinstance(ended, (MeshgenError, OSError)):
+    if isinstance(ended, BaseException) and not isinstance(ended, FailedRun):  # which is ours
         raise ended
     table = pd.read_parquet(Path(given["out"]) / TABLE)
     own = table if names is None else table[table["name"].isin(names)]
@@ -407,8 +410,8 @@ def main(
         "shard_size": shard_size,
         "deployment": deployment,
     }
-    signal.signal(signal.SIGTERM, _ended)
-    try:
+
+    def command() -> int:
         options = chosen(config, target_quads=target_quads, seed=seed)
         if runner is RunnerKind.DASK:
             dask(dask_address)
@@ -418,13 +421,11 @@ def main(
             typer.echo(f"dashboard: {api.removesuffix('/api')}")
             if watch is not None:
                 _watch(models, given, options, watch)
-            raise typer.Exit(overall(_once(models, given)))
-    except MeshgenError as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(error.exit_code) from None
-    except OSError as error:
-        typer.echo(f"{error.strerror or error}: {error.filename or ''}".rstrip(": "), err=True)
-        raise typer.Exit(INTERNAL) from None
+            return overall(_once(models, given))
+
+    signal.signal(signal.SIGTERM, _ended)
+    try:
+        leave(command, debug=False)
     except (KeyboardInterrupt, TerminationSignal):
         typer.echo("ended; the same command goes on from here", err=True)
         raise typer.Exit(130) from None

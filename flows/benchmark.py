@@ -25,15 +25,15 @@ from drl_meshgen.benchmarks.runs import (
     versions,
     write_run,
 )
+from drl_meshgen.commands.arguments import leave
 from drl_meshgen.commands.output import folder_names
 from drl_meshgen.commands.settings import chosen
-from drl_meshgen.errors import MeshgenError
+from drl_meshgen.errors import FINE
 from drl_meshgen.pipeline import STAGES, ModelOptions
 from drl_meshgen.report import OURS
 from drl_meshgen.store import Store
 from drl_meshgen.store.canonical import canonical, digest
 from flows import dashboard
-from flows.chain import FINE
 from flows.server import connected
 from flows.surface import Surfaced, mesh_surface
 from tasks.progress import counted
@@ -163,7 +163,9 @@ def main(
     out: Annotated[Path, typer.Option(help="Folder of all runs.")] = Path(OUT),
 ) -> None:
     """Run the benchmark flow against a Prefect server; a local one is started if need be."""
-    try:
+
+    def command() -> int:
+        chosen(config, target_quads=target_quads, seed=seed)  # what is wrong with them is said before anything runs
         with connected() as api:
             state = benchmark(
                 name,
@@ -184,12 +186,11 @@ def main(
             result = state.result(raise_on_failure=False)
             if isinstance(result, BaseException) and not isinstance(result, FailedRun):  # which is ours
                 raise result
-    except MeshgenError as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(error.exit_code) from None
-    typer.echo(state.message)
-    typer.echo(f"dashboard: {api.removesuffix('/api')}\ntables: {out}")
-    raise typer.Exit(WORSE if state.is_failed() else FINE)
+        typer.echo(state.message)
+        typer.echo(f"dashboard: {api.removesuffix('/api')}\ntables: {out}")
+        return WORSE if state.is_failed() else FINE
+
+    leave(command, debug=False)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from typing import Any
 
 from prefect import Task, get_run_logger
 
-from drl_meshgen.errors import FINE, INTERNAL, InputError, MeshgenError
+from drl_meshgen.errors import FINE, INTERNAL, InputError, MeshgenError, disk_sentence
 from drl_meshgen.store import ArtifactRef
 from flows.pictures import place_picture
 
@@ -88,6 +88,9 @@ def _artifacts(refs: Mapping[str, str]) -> dict[str, ArtifactRef]:
 def _failed(surface: str, refs: Mapping[str, str], stage: str, error: BaseException) -> Outcome:
     if isinstance(error, MeshgenError):
         return refused(surface, error, _artifacts(refs))
+    if isinstance(error, OSError):  # a disk that is full or read-only: no fault of the code
+        sentence = f"{surface}: stage {stage}: {disk_sentence(error)}"
+        return Outcome(surface, _artifacts(refs), sentence, INTERNAL, trouble=Trouble.INTERNAL)
     get_run_logger().error("".join(traceback.format_exception(error)))
     sentence = f"{surface}: internal error in stage {stage}: {type(error).__name__}: {error}"
     return Outcome(surface, _artifacts(refs), sentence, INTERNAL, trouble=Trouble.INTERNAL)

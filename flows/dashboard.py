@@ -27,6 +27,8 @@ MOST_SHOWN = 12
 """Most surfaces that passed and have pictures on the page (count); all others have a row."""
 MOST_FAILED = 30
 """Most surfaces that failed, or are below the gate, and have a picture on the page (count)."""
+MOST_ROWS = 500
+"""Most surfaces that have a row on the page (count); the table artifact has all."""
 _STRIP = (
     ("min_angle", "min angle", "{:.1f}°"),
     ("max_angle", "max angle", "{:.1f}°"),
@@ -57,8 +59,8 @@ class Shown:
 def page(title: str, shown: Sequence[Shown], report: ArtifactRef | None = None, folder: str = "") -> str:
     """Return the page of a run as Markdown: verdicts, what failed and where, pictures, links.
 
-    `report` is the artifact of the report, `folder` where a copy of it lies. Links need the environment variable
-    `DRL_MESHGEN_FILES`; without, the folder is named.
+    `report` is the artifact of the report, `folder` where a copy of it lies, or the results of a run without one. Links
+    need the environment variable `DRL_MESHGEN_FILES`; without, the folder is named.
     """
     counts = {verdict: sum(one.verdict == verdict for one in shown) for verdict in BADGES}
     told = [f"**{count} {verdict}**" for verdict, count in counts.items() if count]
@@ -66,9 +68,13 @@ def page(title: str, shown: Sequence[Shown], report: ArtifactRef | None = None, 
     if address is not None:
         told.append(f"[report with all pictures and tables]({address})")
     elif folder:
-        told.append(f"report in the folder {code(folder)}")
-    lines = [f"# {text(title)}", "", " · ".join(told), "", *_strip(shown)]
-    bad = sorted((one for one in shown if one.verdict != "passed"), key=lambda one: one.verdict != "failed")
+        told.append(f"{'results' if report is None else 'report'} in the folder {code(folder)}")
+    lines = [f"# {text(title)}", "", " · ".join(told), ""]
+    if len(shown) > MOST_ROWS:
+        lines += [f"{MOST_ROWS} of {len(shown)} surfaces, those that did not pass first; the table has all:", ""]
+        shown = sorted(shown, key=_worst_first)[:MOST_ROWS]
+    lines += _strip(shown)
+    bad = sorted((one for one in shown if one.verdict != "passed"), key=_worst_first)
     for k, one in enumerate(bad):
         lines += [f"## {text(one.outcome.surface)}: {one.verdict}", "", text(one.outcome.failure), ""]
         lines += _picture(f"the place on {one.outcome.surface}", one.outcome.picture if k < MOST_FAILED else "")
@@ -119,6 +125,10 @@ def code(raw: str) -> str:
     return f"`{' '.join(raw.split()).replace('`', chr(39))}`"
 
 
+def _worst_first(one: Shown) -> int:
+    return -list(BADGES).index(one.verdict)
+
+
 def _strip(shown: Sequence[Shown]) -> list[str]:
     """Return the table of verdicts: a coloured cell and the main figures of each surface."""
     linked = bool(os.environ.get("DRL_MESHGEN_FILES"))
@@ -134,7 +144,7 @@ def _strip(shown: Sequence[Shown]) -> list[str]:
 
 def _links(outcome: Outcome) -> str:
     """Return links to what a surface left behind: the mesh, else the latest artifact."""
-    wanted = {"mesh": "smoothing", "surface": "cleanup", "quality": "quality"}
+    wanted = {"mesh": "smoothing", "quality": "quality"}
     known = {label: artifact_url(outcome.refs[stage]) for label, stage in wanted.items() if stage in outcome.refs}
     return " ".join(f"[{label}]({address})" for label, address in known.items() if address)
 

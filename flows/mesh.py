@@ -9,16 +9,17 @@ from prefect import State, flow, get_run_logger
 from prefect.runtime import flow_run
 from prefect.states import Completed, Failed
 
+from drl_meshgen.commands.arguments import leave
 from drl_meshgen.commands.meshing import verdict
 from drl_meshgen.commands.output import can_draw, folder_names
 from drl_meshgen.commands.settings import chosen
-from drl_meshgen.errors import MeshgenError, overall
+from drl_meshgen.errors import FINE, INTERNAL, MeshgenError, disk_sentence, overall
 from drl_meshgen.pipeline import COMPARED_STAGES, ModelOptions
 from drl_meshgen.report import OURS, slug
 from drl_meshgen.store import ArtifactRef, Store, reopen
 from flows import dashboard
 from flows.chain import Outcome
-from flows.server import ServerError, connected
+from flows.server import connected
 from flows.surface import Surfaced, mesh_surface, meshed
 from tasks.progress import counted
 from tasks.report import report as report_task
@@ -29,15 +30,26 @@ def _run_name() -> str:
     return "mesh " + (" ".join(names) if len(names) <= 4 else f"{names[0]} and {len(names) - 1} more")
 
 
-def _report(outcomes: Sequence[Outcome], store: Store) -> ArtifactRef | None:
-    """Make the report of all meshed surfaces; None where there is none or the machine cannot draw."""
+def _report(outcomes: Sequence[Outcome], store: Store, folder: str | None) -> tuple[ArtifactRef | None, str]:
+    """Make the report of all meshed surfaces and copy it to a folder.
+
+    Returns it, None where there is no surface or the machine cannot draw, and in one sentence what went wrong.
+    """
     refs = {o.surface: {stage: ref.to_json() for stage, ref in o.refs.items()} for o in outcomes if meshed(o)}
     if not refs:
-        return None
+        return None, ""
     if not can_draw():
         get_run_logger().warning("no report, because the library EGL is not installed (libegl1)")
-        return None
-    return ArtifactRef.from_json(report_task(refs, str(store.root)))
+        return None, ""
+    try:
+        made = ArtifactRef.from_json(report_task(refs, str(store.root)))
+        if folder is not None:
+            store.export(made, Path(folder))
+    except OSError as error:  # the meshes are there
+        return None, f"no report: {disk_sentence(error)}"
+    except Exception as error:  # noqa: BLE001 - the same
+        return None, f"no report: internal error: {type(error).__name__}: {error}"
+    return made, ""
 
 
 def pictures(surface: str, methods: dashboard.Methods, folder: Path) -> list[tuple[str, Path]]:
@@ -69,18 +81,19 @@ def _publish(surfaces: Sequence[Surfaced], report: ArtifactRef | None, folder: s
         dashboard.show_run(title, shown, report, folder)
 
 
-class SurfacesFailedError(MeshgenError):
-    """Some surfaces have no mesh: what Prefect, which wants errors for that, gets of the outcomes of all."""
+class RunFailedError(MeshgenError):
+    """Some surfaces have no mesh, or the run no report: what Prefect, which wants errors for that, gets of it."""
 
-    def __init__(self, told: str, outcomes: list[Outcome]) -> None:
-        self.outcomes = outcomes
+    def __init__(self, told: str, outcomes: list[Outcome], report: str) -> None:
+        """Keep the outcomes of all surfaces, and what kept the report from being made; empty where nothing did."""
+        self.outcomes, self.report = outcomes, report
         super().__init__(told)
 
 
 def outcomes_of(state: State[list[Outcome]]) -> list[Outcome]:
     """Return the outcomes of all surfaces from the state of a run; raises what ended the run itself."""
     ended = state.result(raise_on_failure=False)
-    if isinstance(ended, SurfacesFailedError):
+    if isinstance(ended, RunFailedError):
         return ended.outcomes
     if isinstance(ended, BaseException):
         raise ended
@@ -105,7 +118,7 @@ def mesh(
     `target_quads` is the wanted number of quads, `triangles` the size of generated models, `seed` that of whatever is
     random, `config` a file of settings, `layout` one of an edited layout, `store` the folder of the artifact store,
     `report` the folder that gets the report; with `compare` other meshers run on the same surfaces. The state tells
-    which surfaces failed, and `outcomes_of` what came of all.
+    what failed, and `outcomes_of` what came of all surfaces.
     """
     place = Store(store)
     options = chosen(None if config is None else Path(config), target_quads=target_quads, seed=seed)
@@ -117,14 +130,12 @@ def mesh(
             done.append(one)
             advance()
     outcomes = [one.outcome for one in done]
-    made = _report(outcomes, place)
-    if made is not None and report is not None:
-        place.export(made, Path(report))
+    made, lacking = _report(outcomes, place, report)
     _publish(done, made, report or "", place)
-    failures = [outcome.failure for outcome in outcomes if not meshed(outcome)]
+    failures = [*(outcome.failure for outcome in outcomes if not meshed(outcome)), *([lacking] if lacking else [])]
     if failures:
         told = "; ".join(failures)
-        return Failed(message=told, data=SurfacesFailedError(told, outcomes))
+        return Failed(message=told, data=RunFailedError(told, outcomes, lacking))
     return Completed(data=outcomes)
 
 
@@ -145,9 +156,10 @@ def main(
     compare: Annotated[bool, typer.Option(help="Run other meshers on the same surfaces.")] = True,
 ) -> None:
     """Run the mesh flow against a Prefect server; a local one is started if need be."""
-    try:
+
+    def command() -> int:
+        chosen(config, target_quads=target_quads, seed=seed)  # what is wrong with them is said before anything runs
         with connected() as api:
-            place = None if store is None else str(store)
             state = mesh(
                 surfaces,
                 target_quads=target_quads,
@@ -155,26 +167,35 @@ def main(
                 seed=seed,
                 config=None if config is None else str(config),
                 layout=None if layout is None else str(layout),
-                store=place,
+                store=None if store is None else str(store),
                 report=str(report),
                 compare=compare,
                 return_state=True,
             )
-    except ServerError as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(error.exit_code) from None
+        return _told(state, Store(store), api, report)
+
+    leave(command, debug=False)
+
+
+def _told(state: State[list[Outcome]], store: Store, api: str, report: Path) -> int:
+    """Print what came of a run and return its exit code."""
     outcomes = outcomes_of(state)
     for outcome in outcomes:
         if meshed(outcome):
-            done = reopen(COMPARED_STAGES, outcome.refs, Store(store))
+            done = reopen(COMPARED_STAGES, outcome.refs, store)
             seconds = sum(timing.computed for timing in done.timings if timing.stage != "comparison")
             typer.echo(verdict(outcome.surface, done["quality"].metrics, seconds))
         if outcome.failure:
             typer.echo(outcome.failure, err=True)
+    ended = state.result(raise_on_failure=False)
+    lacking = ended.report if isinstance(ended, RunFailedError) else ""
+    if lacking:
+        typer.echo(lacking, err=True)
     typer.echo(f"dashboard: {api.removesuffix('/api')}")
-    if any(meshed(outcome) for outcome in outcomes) and can_draw():
+    if not lacking and any(meshed(outcome) for outcome in outcomes) and can_draw():
         typer.echo(f"report: {report / 'index.html'}")
-    raise typer.Exit(overall(outcome.exit_code for outcome in outcomes))
+    code = overall(outcome.exit_code for outcome in outcomes)
+    return INTERNAL if lacking and code == FINE else code
 
 
 if __name__ == "__main__":

@@ -50,7 +50,13 @@ def dask(address: str | None) -> Runner:
     def runner(workers: int) -> TaskRunner[Any]:
         if address is not None:
             return DaskTaskRunner(address=address)
-        own = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": None, "silence_logs": logging.ERROR}
+        own = {
+            "n_workers": workers,
+            "threads_per_worker": 1,
+            "dashboard_address": None,
+            "silence_logs": logging.ERROR,
+            "scheduler_kwargs": {"allowed_failures": 0},  # the batch itself finds out who ended a worker
+        }
         return DaskTaskRunner(cluster_kwargs=own)
 
     return runner

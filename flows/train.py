@@ -13,7 +13,8 @@ from prefect.artifacts import create_markdown_artifact, create_table_artifact
 from prefect.runtime import flow_run
 from prefect.states import Completed
 
-from drl_meshgen.errors import InputError, MeshgenError
+from drl_meshgen.commands.arguments import leave
+from drl_meshgen.errors import FINE, InputError
 from drl_meshgen.export import read_table
 from drl_meshgen.report import palette
 from drl_meshgen.report.plane import new_figure
@@ -118,7 +119,8 @@ def main(
     out: Annotated[Path, typer.Option(help="Folder of checkpoints, curves and policy.")] = Path(OUT),
 ) -> None:
     """Run the train flow against a Prefect server; a local one is started if need be."""
-    try:
+
+    def command() -> int:
         with connected() as api:
             state = train(
                 minutes=minutes,
@@ -133,10 +135,10 @@ def main(
             result = state.result(raise_on_failure=False)
             if isinstance(result, BaseException):
                 raise result
-    except MeshgenError as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(error.exit_code) from None
-    typer.echo(f"{state.message}: {result}\ndashboard: {api.removesuffix('/api')}")
+        typer.echo(f"{state.message}: {result}\ndashboard: {api.removesuffix('/api')}")
+        return FINE
+
+    leave(command, debug=False)
 
 
 if __name__ == "__main__":

@@ -6,8 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from drl_meshgen.store import Store
 from drl_meshgen.store.verify import verify
 
@@ -28,27 +26,12 @@ def mesh(out, store, quads=100, **more):
     )
 
 
-def mount(place, *options):
-    return subprocess.run(["mount", *options, str(place)], capture_output=True, check=False).returncode == 0
-
-
-@pytest.fixture
-def small_disk(tmp_path):
-    """Return a folder on a disk of its own with 300 KB; skipped where nothing can be mounted."""
-    place = tmp_path / "disk"
-    place.mkdir()
-    if os.name != "posix" or os.geteuid() != 0 or not mount(place, "-t", "tmpfs", "-o", "size=300k", "tmpfs"):
-        pytest.skip("needs the right to mount")
-    yield place
-    subprocess.run(["umount", "-l", str(place)], check=True)
-
-
 def sound(store):
     return verify(Store(store)).damages == ()
 
 
 def test_a_full_disk_is_told_in_one_sentence_and_the_run_ends_once_there_is_room(small_disk, tmp_path):
-    store = small_disk / "store"
+    store = small_disk.place / "store"
     done = mesh(tmp_path / "out", store)
     assert done.returncode == 1
     assert done.stderr.splitlines() == [line for line in done.stderr.splitlines() if "No space left on device" in line]
@@ -57,7 +40,7 @@ def test_a_full_disk_is_told_in_one_sentence_and_the_run_ends_once_there_is_room
     assert not (tmp_path / "out/hemisphere").exists()
     kept = len(list((store / "records").glob("*/*")))
     assert kept > 0
-    assert mount(small_disk, "-o", "remount,size=30m")
+    small_disk.change("size=30m")
     done = mesh(tmp_path / "out", store)
     assert done.returncode == 0, done.stderr
     assert sound(store)
@@ -65,11 +48,11 @@ def test_a_full_disk_is_told_in_one_sentence_and_the_run_ends_once_there_is_room
 
 def test_a_full_disk_for_the_results_leaves_nothing_half_written(small_disk, tmp_path):
     store = tmp_path / "store"
-    assert mount(small_disk, "-o", "remount,size=60k")
-    done = mesh(small_disk / "out", store)
+    small_disk.change("size=60k")
+    done = mesh(small_disk.place / "out", store)
     assert done.returncode == 1
     assert len(done.stderr.splitlines()) == 1
-    assert list((small_disk / "out").iterdir()) == []
+    assert list((small_disk.place / "out").iterdir()) == []
     assert sound(store)
 
 
@@ -86,10 +69,10 @@ def test_a_limit_of_the_size_of_files_is_told_in_one_sentence(tmp_path):
 
 
 def test_a_store_that_can_only_be_read_serves_what_it_has_and_says_what_it_cannot(small_disk, tmp_path):
-    store = small_disk / "store"
-    assert mount(small_disk, "-o", "remount,size=30m")
+    store = small_disk.place / "store"
+    small_disk.change("size=30m")
     assert mesh(tmp_path / "out", store).returncode == 0
-    assert mount(small_disk, "-o", "remount,ro")
+    small_disk.change("ro")
     warm = mesh(tmp_path / "again", store)
     assert warm.returncode == 0, warm.stderr
     assert (tmp_path / "again/hemisphere/mesh.vtu").is_file()

@@ -16,7 +16,7 @@ from drl_meshgen.models import load
 from tests.faults.malformed import CHANGES, FORMATS, malformed
 
 COUNT = int(os.environ.get("MALFORMED", "36"))
-STEP = 11
+STEP = 213
 """Numbers of the files that are taken: far enough apart to be of all kinds; coprime to the number of all."""
 ALL = 500
 SECONDS = 60.0

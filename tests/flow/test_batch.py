@@ -70,6 +70,15 @@ def test_a_bad_model_stops_no_other_and_a_second_run_does_only_what_changed(mode
     assert verify(Store(store)).damages == ()
 
 
+@pytest.mark.usefixtures("models")
+def test_a_row_that_names_a_policy_file_that_is_not_there_is_refused_alone(tmp_path):
+    manifest = tmp_path / "jobs.csv"
+    manifest.write_text("model,name,subdomain.policy\nmodels/cap.ply,lost,none.safetensors\nmodels/cap.ply,good,\n")
+    _, table = here([manifest], tmp_path / "out", store=str(tmp_path / "store"))
+    assert table["status"].to_dict() == {"lost": "refused", "good": "fine"}
+    assert "none.safetensors" in table["sentence"]["lost"]
+
+
 def test_time_that_is_over_ends_a_model_and_is_tried_again(models, tmp_path):
     out, store = tmp_path / "out", str(tmp_path / "store")
     _, table = here([models / "cap.ply"], out, store=store, limit=0.01)
@@ -114,14 +123,20 @@ def until(process, told, seconds=120):
         time.sleep(0.02)
 
 
-def test_a_model_whose_process_always_dies_is_told_and_the_others_are_meshed(models, server, tmp_path, monkeypatch):
+@pytest.mark.parametrize("runner", ["processes", "dask"])
+def test_a_model_whose_process_always_dies_is_told_and_the_others_are_meshed(
+    models, server, tmp_path, monkeypatch, runner
+):
+    if runner == "dask":
+        pytest.importorskip("prefect_dask")
     monkeypatch.setenv("PREFECT_API_URL", server)
     out, store = tmp_path / "out", tmp_path / "store"
     write_surface_ply(models / "victim.ply", generate("hemisphere", 6000))
-    process = command(out, store, [models / "victim.ply", models / "cap.ply"])
-    rows = out / "rows"
-    while process.poll() is None and not (rows / "victim.json").exists():
-        if (rows / "victim.begun").exists():
+    process = command(out, store, [models / "victim.ply", models / "cap.ply"], "--runner", runner)
+    begun, last = out / "rows/victim.begun", 0
+    while process.poll() is None:
+        if begun.exists() and begun.stat().st_mtime_ns > last:
+            last = begun.stat().st_mtime_ns
             for worker in workers_of(process):
                 os.kill(worker, signal.SIGKILL)
         time.sleep(0.02)

@@ -14,7 +14,7 @@ from PIL import Image
 from drl_meshgen.errors import Place
 from drl_meshgen.store import ArtifactRef
 from flows.chain import Outcome
-from flows.dashboard import BADGES, MOST_SHOWN, Shown, page, row, text
+from flows.dashboard import BADGES, MOST_ROWS, MOST_SHOWN, Shown, page, row, text
 from flows.pictures import LIMIT, badge, jpeg, place_picture, thumbnail
 from tasks.progress import artifact_key
 
@@ -104,6 +104,15 @@ def test_the_page_of_hundreds_stays_small(drawn):
     assert 0 < written.count("(data:image/jpeg") <= MOST_SHOWN + 30
     assert f"Pictures of {MOST_SHOWN} of the 200" in written or "of the 200 surfaces that passed" in written
     assert len(written) < 2_000_000
+
+
+def test_the_page_of_thousands_has_those_that_did_not_pass_and_says_where_the_others_are():
+    written = page("run", [*(good(f"s{k}") for k in range(3000)), *(bad(f"b{k}", 4 - k % 2) for k in range(40))])
+    assert "**3000 passed** · **20 below gate** · **20 failed**" in written
+    assert f"{MOST_ROWS} of 3040 surfaces" in written
+    assert written.count("data:image/svg+xml") == MOST_ROWS
+    assert all(f"| b{k} |" in written for k in range(40))
+    assert len(written) < 300_000
 
 
 def test_names_and_sentences_cannot_break_the_page():

@@ -3,10 +3,12 @@
 import pytest
 
 from drl_meshgen.baselines import RivalOptions
+from drl_meshgen.commands import reports
 from drl_meshgen.errors import overall
 from drl_meshgen.export import read_table
 from drl_meshgen.pipeline import COMPARED_STAGES, MeshOptions, run
 from drl_meshgen.store import Store
+from drl_meshgen.store.catalogue import Catalogue
 from flows.mesh import mesh, outcomes_of
 from flows.surface import TASKS
 
@@ -34,6 +36,11 @@ def test_the_flow_and_the_library_leave_the_same_bytes_and_a_bad_file_spoils_not
     alone = run("hemisphere", MeshOptions().sized(300), triangles=5000, store=Store(tmp_path / "library"))
     assert {stage: ref for stage, ref in good.refs.items() if stage != "comparison"} == alone.refs
     assert "hemisphere" in (report / "index.html").read_text()
+    catalogue = Catalogue.of(Store(store))
+    (written,) = [record for record in catalogue.records if record.ref.stage == reports.STAGE]
+    again = reports.reproduce(catalogue, written, Store(store))
+    assert (again.different, again.code_changed) == ((), False)
+    assert set(again.same) == set(written.ref.outputs)
     table = read_table(report / "tables/quality.parquet").set_index("method")
     assert list(table.index) == ["drl-meshgen", *(method.value for method in RivalOptions().chosen)]
     assert (table["seconds"][table["ok"]] > 0).all()

@@ -1,11 +1,12 @@
 """Batches: which models, with which options, what is kept of an earlier run, and when a watched file is whole."""
 
 import os
+from dataclasses import replace
 
 import pandas as pd
 import pytest
 
-from drl_meshgen.batch import Job, Row, Rows, Status, Watch, collect, key_of
+from drl_meshgen.batch import Job, Row, Rows, Status, Watch, collect, keys_of
 from drl_meshgen.batch.rows import METRICS, table_of
 from drl_meshgen.errors import InputError
 from drl_meshgen.pipeline import MeshOptions, run
@@ -110,6 +111,10 @@ def test_a_manifest_that_cannot_be_used_is_bad_input(tmp_path, content, sentence
         collect([str(path)], OPTIONS)
 
 
+def key_of(job, **more):
+    return keys_of([job], **more)[job.name]
+
+
 def test_a_key_changes_with_content_options_and_name_and_with_nothing_else(folder):
     (job,) = collect([str(folder / "b.stl")], OPTIONS)
     key = key_of(job)
@@ -120,6 +125,19 @@ def test_a_key_changes_with_content_options_and_name_and_with_nothing_else(folde
     assert len({key, key_of(job), key_of(sized), key_of(job, compare=True)}) == 4
     (folder / "b.stl").unlink()
     assert key_of(job) not in {"", key}
+
+
+def test_a_key_follows_the_content_of_files_that_options_name_even_if_they_are_gone(folder, tmp_path):
+    policy = tmp_path / "own.safetensors"
+    options = replace(OPTIONS, subdomain=replace(OPTIONS.subdomain, policy=str(policy)))
+    (job,) = collect([str(folder / "b.stl")], options)
+    keys = {key_of(job)}
+    for content in ("one", "two"):
+        policy.write_text(content)
+        keys.add(key_of(job))
+    assert len(keys) == 3
+    policy.write_text("one")
+    assert key_of(job) in keys
 
 
 def job(name="a"):

@@ -4,7 +4,6 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from functools import cache
 from pathlib import Path
 
 import pandas as pd
@@ -82,7 +81,7 @@ class Row:
     """What came of one model."""
 
     key: str
-    """Digest of all that it depends on, see `key_of`."""
+    """Digest of all that it depends on, see `keys_of`."""
     status: Status
     exit_code: int
     """What the command line returns for this model alone."""
@@ -97,26 +96,33 @@ class Row:
     """Where it went wrong, as a `data:` address; empty where that has no place."""
 
 
-def key_of(job: Job, *, compare: bool = False) -> str:
-    """Return the digest of the content of a job's surface, its name, all options, and the code of all stages.
+def keys_of(jobs: Iterable[Job], *, compare: bool = False) -> dict[str, str]:
+    """Return for each job's name the digest of its surface's content, its name, all options, and all stages' code.
 
-    A surface that is not there has a key, too.
+    What is not there, a surface or a file that options name, has a key, too. Files of options are read once for all.
     """
-    try:
-        content = content_of(ModelOptions(job.source, job.triangles))
-    except (InputError, OSError) as error:
-        content = str(error)
-    stages = _stages_key(job.options, compare)
-    return digest({"name": job.name, "content": content, "refusal": job.refusal, "stages": stages})
+    stages: dict[MeshOptions, str] = {}
+    keys = {}
+    for job in jobs:
+        if job.options not in stages:
+            stages[job.options] = _stages_key(job.options, compare=compare)
+        try:
+            content = content_of(ModelOptions(job.source, job.triangles))
+        except (InputError, OSError) as error:
+            content = str(error)
+        own = {"name": job.name, "content": content, "refusal": job.refusal, "stages": stages[job.options]}
+        keys[job.name] = digest(own)
+    return keys
 
 
-@cache
-def _stages_key(options: MeshOptions, compare: bool) -> str:  # noqa: FBT001 - cached by position
+def _stages_key(options: MeshOptions, *, compare: bool) -> str:
     stages = COMPARED_STAGES if compare else STAGES
     given = options.by_stage("", compare=compare)
-    del given["model"]  # its identity is the content
-    own = {stage.name: given.get(stage.name, stage.options()) for stage in stages if stage.name != "model"}
-    identities = {stage.name: stage.identity(own[stage.name]) for stage in stages if stage.name in own}
+    own = [stage for stage in stages if stage.name != "model"]  # whose identity is the content
+    try:
+        identities = {stage.name: stage.identity(given.get(stage.name, stage.options())) for stage in own}
+    except OSError as error:
+        return str(error)
     code = {stage.name: [stage.version, stage.source] for stage in stages}
     return digest({"options": identities, "limits": options.limits, "code": code})
 
