@@ -115,6 +115,14 @@ def workers_of(process):
     return found
 
 
+def runs(pid):
+    """Tell whether a process runs; one that ended and that nobody waited for does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
 def until(process, told, seconds=120):
     end = time.monotonic() + seconds
     while not told():
@@ -173,10 +181,10 @@ def test_a_batch_that_is_told_to_end_ends_at_once_with_its_processes(models, ser
     until(process, (out / "rows/cap.begun").exists)
     meshing = workers_of(process)
     process.terminate()
-    _, errors = process.communicate(timeout=30)
+    _, errors = process.communicate(timeout=120)
     assert process.returncode == 130, errors
     assert errors.endswith("ended; the same command goes on from here\n")
-    assert not [pid for pid in meshing if Path(f"/proc/{pid}").exists()]
+    assert not [pid for pid in meshing if runs(pid)]
 
 
 def test_a_watched_folder_is_meshed_as_it_fills(models, server, tmp_path, monkeypatch):
@@ -189,7 +197,7 @@ def test_a_watched_folder_is_meshed_as_it_fills(models, server, tmp_path, monkey
     until(process, (out / "rows/new.json").exists)
     until(process, lambda: len(pd.read_parquet(out / "batch.parquet")) == 2)
     process.terminate()
-    told, errors = process.communicate(timeout=60)
+    told, errors = process.communicate(timeout=120)
     assert process.returncode == 130
     assert "ended; the same command goes on from here" in errors
     assert "watching" in told

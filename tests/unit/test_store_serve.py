@@ -41,7 +41,7 @@ def server(store):
 
 
 def ask(server, path, method="GET", **headers):
-    connection = http.client.HTTPConnection(*server.server_address, timeout=10)
+    connection = http.client.HTTPConnection(*server.server_address, timeout=60)
     connection.request(method, path, headers=headers)
     reply = connection.getresponse()
     body = reply.read()
@@ -51,7 +51,7 @@ def ask(server, path, method="GET", **headers):
 
 def raw(server, request):
     """Send bytes and return the answer with its head."""
-    with socket.create_connection(server.server_address, timeout=10) as link:
+    with socket.create_connection(server.server_address, timeout=60) as link:
         link.sendall(request)
         link.shutdown(socket.SHUT_WR)
         return b"".join(iter(lambda: link.recv(2**16), b""))
@@ -249,11 +249,11 @@ def test_a_signal_ends_it_cleanly(store, report, number):
     command = [*COMMAND, "--port", "0", "--store", str(store.root)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     port = int(process.stdout.readline().rpartition(":")[2])
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
     connection.request("GET", artifact_path(report, "index.html"))
     assert connection.getresponse().read() == PAGE
     process.send_signal(number)
-    _, errors = process.communicate(timeout=10)
+    _, errors = process.communicate(timeout=60)
     assert process.returncode == 0
     assert "Traceback" not in errors
 
