@@ -6,7 +6,7 @@ import signal
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any
@@ -31,7 +31,7 @@ from drl_meshgen.pipeline import MeshOptions, ModelOptions
 from drl_meshgen.report import OURS
 from drl_meshgen.store import ArtifactRef, Store
 from flows import dashboard
-from flows.chain import Outcome, Trouble
+from flows.chain import Detail, Outcome, Trouble
 from flows.runners import Runner, RunnerKind, dask, processes, shards, submitted
 from flows.server import connected
 from flows.surface import Surfaced, mesh_surface
@@ -39,6 +39,8 @@ from tasks.progress import counted
 
 SHARD = 100
 """Models per shard (count)."""
+MANY = 500
+"""Models that are to be meshed; of more the dashboard shows each as one task run unless told otherwise."""
 STATUS = {FINE: Status.FINE, InputError.exit_code: Status.REFUSED, BELOW_GATE: Status.BELOW_GATE}
 """Status by exit code; any other that is no trouble is a stage without a result."""
 LOOK = 2.0
@@ -67,6 +69,8 @@ class Work:
     """Draw it, too."""
     limit: float | None = None
     """How long the stages of one model may take together (seconds)."""
+    detail: Detail = Detail.STAGES
+    """What is a task run of its own."""
 
 
 def _status(outcome: Outcome) -> Status:
@@ -92,7 +96,14 @@ def _row(key: str, surfaced: Surfaced, store: Store) -> Row:
 def _meshed(job: Job, key: str, work: Work, store: Store) -> Row:
     """Run the stages of a model, write the folder of its mesh, and return its row."""
     surfaced = mesh_surface(
-        job.source, job.name, job.options, store, triangles=job.triangles, compare=work.compare, limit=work.limit
+        job.source,
+        job.name,
+        job.options,
+        store,
+        triangles=job.triangles,
+        compare=work.compare,
+        limit=work.limit,
+        detail=work.detail,
     )
     if work.meshes and surfaced.done is not None and surfaced.options is not None:
         with complete(Path(work.out) / "meshes" / job.name) as folder:
@@ -271,6 +282,7 @@ def batch(
     dask_address: str | None = None,
     shard_size: int = SHARD,
     deployment: str = DEPLOYMENT,
+    detail: Detail | None = None,
     names: list[str] | None = None,
 ) -> State[None]:
     """Mesh all models of folders, patterns and manifests; what an earlier run of the batch did is kept.
@@ -279,14 +291,17 @@ def batch(
     of the batch: `batch.parquet` with a row per model, `meshes` with a folder per model, `rows` to go on from.
     `target_quads`, `triangles`, `seed` and `config` are as for `mesh`; rows of a manifest have the last word. `limit`
     is how long one model may take (seconds). `runner` says who meshes: `workers` processes or Dask workers (default:
-    one per core), or the work pool of `deployment` in shards of `shard_size` models; `names` are those of the batch
-    that are meshed (default: all). The table has the exit codes.
+    one per core), or the work pool of `deployment` in shards of `shard_size` models; `detail` says
+    what is a task run of its own (default: every stage, of more than 500 models every model); `names` are those of the
+    batch that are meshed (default: all). The table has the exit codes.
     """
     options = chosen(None if config is None else Path(config), target_quads=target_quads, seed=seed)
     place = Store(store)
-    work = Work(out, str(place.root), compare, meshes, pictures and can_draw(), limit)
+    work = Work(out, str(place.root), compare, meshes, pictures and can_draw(), limit, detail or Detail.STAGES)
     jobs = collect(models, options, triangles)
     own = Batch(jobs if names is None else [job for job in jobs if job.name in set(names)], work)
+    if detail is None and len(own.pending) > MANY:
+        own.work = replace(own.work, detail=Detail.MODELS)
     count = workers or os.cpu_count() or 1
     get_run_logger().info("%d models, %d of them to be meshed", len(own.jobs), len(own.pending))
     with counted(f"batch {flow_run.name}", "models meshed", len(own.pending)) as advance:
@@ -303,6 +318,7 @@ def batch(
                 "meshes": meshes,
                 "pictures": pictures,
                 "limit": limit,
+                "detail": own.work.detail.value,
             }
             _mesh_in_shards(own, own.pending, shard_size, deployment, given)
         elif runner is RunnerKind.HERE:
@@ -385,6 +401,10 @@ def main(
     dask_address: Annotated[str | None, typer.Option(help="Scheduler of a Dask cluster that is there.")] = None,
     shard_size: Annotated[int, typer.Option(min=1, help="Models per shard of the runner workers.")] = SHARD,
     deployment: Annotated[str, typer.Option(help="Deployment that meshes a shard.")] = DEPLOYMENT,
+    detail: Annotated[
+        Detail | None,
+        typer.Option(help="What the dashboard shows as a task run.  [default: stages; models where more than 500]"),
+    ] = None,
     watch: Annotated[
         float | None, typer.Option(min=0.5, help="Look for new and changed models every so many seconds.")
     ] = None,
@@ -409,6 +429,7 @@ def main(
         "dask_address": dask_address,
         "shard_size": shard_size,
         "deployment": deployment,
+        "detail": detail,
     }
 
     def command() -> int:

@@ -9,13 +9,28 @@ from enum import Enum
 from typing import Any
 
 from prefect import Task, get_run_logger
+from prefect.utilities.timeout import timeout
 
 from drl_meshgen.errors import FINE, INTERNAL, InputError, MeshgenError, disk_sentence
 from drl_meshgen.store import ArtifactRef
 from flows.pictures import place_picture
+from tasks.stage import DELAY, RETRIES, machine_failed
 
 TIMED_OUT = "TimedOut"
 """Name that Prefect gives the state of a task whose time was over."""
+
+
+class Detail(Enum):
+    """What is a task run of its own in the dashboard."""
+
+    STAGES = "stages"
+    """Every stage of every surface, as a task."""
+    MODELS = "models"
+    """Nothing below what calls `run_chain`: a server spends 50 ms on each task run, which thousands of models feel."""
+
+
+class OverError(TimeoutError):
+    """The time of a surface is over."""
 
 
 class Trouble(Enum):
@@ -47,32 +62,55 @@ def run_chain(
     surface: str,
     options: Mapping[str, Any],
     store: str,
+    *,
     limit: float | None = None,
+    detail: Detail = Detail.STAGES,
 ) -> Outcome:
     """Run the tasks of all stages for one surface, in order, up to the first that fails. Needs a running flow.
 
     `tasks` and `options` map stage names to tasks and to options; `store` is the folder of the artifact store, `limit`
-    how long all may take (seconds).
+    how long all may take (seconds). Artifacts and outcome are the same whatever the `detail`.
     """
     refs: dict[str, str] = {}
     end = None if limit is None else time.monotonic() + limit
+    run = _as_task if detail is Detail.STAGES else _as_function
     for name, task in tasks.items():
-        own = task if end is None else _limited(task, end - time.monotonic())
-        state = own(surface, dict(refs), options[name], store, return_state=True)
-        if state.name == TIMED_OUT:
+        seconds = None if end is None else max(end - time.monotonic(), 0.001)
+        try:
+            ended = run(task, seconds, surface, dict(refs), options[name], store)
+        except OverError:
             sentence = f"{surface}: stage {name} was not done when {limit:g} seconds were over"
             return Outcome(surface, _artifacts(refs), sentence, INTERNAL, trouble=Trouble.TOO_LONG)
-        if not state.is_completed():
-            return _failed(surface, refs, name, state.result(raise_on_failure=False))
-        refs[name] = state.result()
+        if isinstance(ended, BaseException):
+            return _failed(surface, refs, name, ended)
+        refs[name] = ended
     return Outcome(surface, _artifacts(refs))
 
 
-def _limited(task: Task[..., Any], seconds: float) -> Task[..., Any]:
-    """Return a task that may take so long; `with_options` would refuse its storage."""
-    own = copy(task)
-    own.timeout_seconds = max(seconds, 0.001)
-    return own
+def _as_task(task: Task[..., str], seconds: float | None, *given: object) -> str | BaseException:
+    """Return what a task run returns or ends with; raises `OverError` where it takes more than so many seconds."""
+    own = copy(task)  # `with_options` would refuse its storage
+    own.timeout_seconds = seconds
+    state = own(*given, return_state=True)
+    if state.name == TIMED_OUT:
+        raise OverError
+    return state.result(raise_on_failure=False)
+
+
+def _as_function(task: Task[..., str], seconds: float | None, *given: object) -> str | BaseException:
+    """Do the same without a task run, with the same second tries where the machine failed."""
+    left = RETRIES
+    while True:
+        try:
+            with timeout(seconds, OverError):
+                return task.fn(*given)
+        except OverError:
+            raise
+        except Exception as error:  # noqa: BLE001 - the outcome tells of it
+            if not (left and machine_failed(error)):
+                return error
+        left -= 1
+        time.sleep(DELAY)
 
 
 def refused(surface: str, error: MeshgenError, refs: Mapping[str, ArtifactRef] | None = None) -> Outcome:

@@ -10,7 +10,7 @@ from drl_meshgen.quality import gate
 from drl_meshgen.report import OURS
 from drl_meshgen.report.places import worst_quads
 from drl_meshgen.store import Execution, Store, reopen
-from flows.chain import Outcome, refused, run_chain
+from flows.chain import Detail, Outcome, refused, run_chain
 from flows.dashboard import Methods
 from flows.pictures import place_picture
 from tasks import (
@@ -74,8 +74,9 @@ def mesh_surface(
     layout: Path | None = None,
     compare: bool = False,
     limit: float | None = None,
+    detail: Detail = Detail.STAGES,
 ) -> Surfaced:
-    """Run all stages on a model name or file as tasks; needs a running flow.
+    """Run all stages on a model name or file, as tasks or not (`detail`); needs a running flow.
 
     `name` is what the surface is called, `triangles` the size of a generated model, `layout` a file of an edited
     layout; with `compare` other meshers run too; `limit` is how long the stages may take together (seconds). What
@@ -88,7 +89,8 @@ def mesh_surface(
         return Surfaced(refused(name, error))
     own = given.by_stage(source, triangles, compare=compare)
     complete = {stage.name: own.get(stage.name, stage.options()) for stage in stages}
-    outcome = run_chain({stage.name: TASKS[stage.name] for stage in stages}, name, complete, str(store.root), limit)
+    tasks = {stage.name: TASKS[stage.name] for stage in stages}
+    outcome = run_chain(tasks, name, complete, str(store.root), limit=limit, detail=detail)
     if not meshed(outcome):
         return Surfaced(outcome, options=given)
     done = reopen(stages, outcome.refs, store)

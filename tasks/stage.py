@@ -24,9 +24,19 @@ def _references(stage: Stage[Any, Any], refs: Refs) -> dict[str, ArtifactRef]:
     return {name: ArtifactRef.from_json(refs[name]) for name in stage.inputs}
 
 
+RETRIES = 2
+"""How often a task is tried again where the machine failed (count)."""
+DELAY = 1.0
+"""Time before that (seconds)."""
+
+
+def machine_failed(error: object) -> bool:
+    """Tell whether disk or network failed: a stage's own verdict would be the same again, and time is over once."""
+    return isinstance(error, OSError) and not isinstance(error, TimeoutError)
+
+
 def _retry(_task: Task[..., Any], _run: TaskRun, state: State[Any]) -> bool:
-    """Retry where the machine failed (disk, network); a stage's own verdict is the same, and time is over once."""
-    return isinstance(state.data, OSError) and not isinstance(state.data, TimeoutError)
+    return machine_failed(state.data)
 
 
 def stored_task(
@@ -63,8 +73,8 @@ def stored_task(
         cache_key_fn=key,
         result_serializer="json",
         persist_result=True,
-        retries=2,
-        retry_delay_seconds=1,
+        retries=RETRIES,
+        retry_delay_seconds=DELAY,
         retry_condition_fn=_retry,
     )
     task.result_storage = RecordStorage()  # the constructor takes only blocks registered with a server

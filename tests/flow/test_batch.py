@@ -18,6 +18,7 @@ from drl_meshgen.store import Store
 from drl_meshgen.store.verify import verify
 from flows.batch import Batch, Work, _mesh_in_shards, batch
 from flows.runners import RunnerKind, shards
+from tests.flow.runs import states
 
 pytestmark = pytest.mark.usefixtures("server")
 SMALL = {"target_quads": 100, "triangles": 5000, "pictures": False}
@@ -77,6 +78,17 @@ def test_a_row_that_names_a_policy_file_that_is_not_there_is_refused_alone(tmp_p
     _, table = here([manifest], tmp_path / "out", store=str(tmp_path / "store"))
     assert table["status"].to_dict() == {"lost": "refused", "good": "fine"}
     assert "none.safetensors" in table["sentence"]["lost"]
+
+
+def test_more_models_than_many_are_a_task_run_each_and_have_the_same_rows(
+    models, server, tmp_path, monkeypatch, wait_for
+):
+    _, table = here([models], tmp_path / "out", store=str(tmp_path / "store"))
+    monkeypatch.setattr("flows.batch.MANY", 0)
+    _, other = here([models], tmp_path / "many", store=str(tmp_path / "more"))
+    pd.testing.assert_frame_equal(table.drop(columns="seconds"), other.drop(columns="seconds"))
+    ended = {"mesh bad": "Failed", "mesh cap": "Completed"}
+    wait_for(lambda: states(server), ended)
 
 
 def test_time_that_is_over_ends_a_model_and_is_tried_again(models, tmp_path):
