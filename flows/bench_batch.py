@@ -13,16 +13,29 @@ from pathlib import Path
 from typing import Annotated
 
 import pandas as pd
+import psutil
 import typer
 
 from drl_meshgen.batch import TABLE
+from flows.chain import Detail
 from flows.runners import RunnerKind
 from flows.server import start
 
 ROOT = Path(__file__).parents[1]
 RUNNERS = [
-    (kind, workers) for kind in (RunnerKind.PROCESSES, RunnerKind.DASK, RunnerKind.WORKERS) for workers in (1, 2)
+    (kind, detail, workers)
+    for kind, detail in (
+        (RunnerKind.PROCESSES, Detail.STAGES),
+        (RunnerKind.PROCESSES, Detail.MODELS),
+        (RunnerKind.DASK, Detail.STAGES),
+        (RunnerKind.WORKERS, Detail.STAGES),
+        (RunnerKind.WORKERS, Detail.MODELS),
+    )
+    for workers in (1, 2)
 ]
+"""Who meshes, what is a task run of its own, and how many workers there are."""
+WORKER = {"PREFECT_WORKER_QUERY_SECONDS": "2"}
+"""Environment of workers, as in compose.yaml."""
 STEP = 30
 """Triangles that each model has more than the one before: enough for another surface."""
 
@@ -32,6 +45,8 @@ class Timed:
     """One run of the batch."""
 
     runner: str
+    detail: str
+    """What was a task run of its own."""
     workers: int
     models: int
     kept: bool
@@ -47,6 +62,8 @@ class Timed:
     """Size of the artifact store per model (MB)."""
     recorded: float
     """What the server's database grew by, per model (MB)."""
+    server: float
+    """What the server worked, per model (seconds of a core)."""
     failed: int
     same_rows: bool
     """Whether the table is that of the first run, but for `seconds`."""
@@ -76,19 +93,20 @@ def _process(command: Sequence[str], log: Path, environment: dict[str, str]) -> 
 
 
 @contextmanager
-def _server(home: Path) -> Iterator[dict[str, str]]:
-    """Start a server with a database of its own; yield the environment of processes that shall use it."""
+def _server(home: Path) -> Iterator[tuple[dict[str, str], psutil.Process]]:
+    """Start a server with a database of its own; yield the environment of processes that shall use it, and it."""
     from prefect.settings import PREFECT_HOME, temporary_settings
 
     api = f"http://127.0.0.1:{_free_port()}/api"
     with temporary_settings({PREFECT_HOME: home}):
         server = start(api)
+    if server is None:
+        raise typer.BadParameter(f"somebody answers at {api} already")
     try:
-        yield {**os.environ, "PREFECT_HOME": str(home), "PREFECT_API_URL": api}
+        yield {**os.environ, **WORKER, "PREFECT_HOME": str(home), "PREFECT_API_URL": api}, psutil.Process(server.pid)
     finally:
-        if server is not None:
-            server.terminate()
-            server.wait(60)
+        server.terminate()
+        server.wait(60)
 
 
 @contextmanager
@@ -137,21 +155,31 @@ def _database(home: Path) -> float:
     return _megabytes(home.glob("prefect.db*"))
 
 
+def _busy(server: psutil.Process) -> float:
+    """Return the time on a core that a server has used so far (seconds)."""
+    used = [one.cpu_times() for one in (server, *server.children(recursive=True))]
+    return sum(times.user + times.system for times in used)
+
+
 def _timed(
-    runner: RunnerKind,
-    workers: int,
+    way: tuple[RunnerKind, Detail, int],
     seconds: float,
     table: pd.DataFrame,
     first: pd.DataFrame,
     *,
-    sizes: tuple[float, float],
+    spent: tuple[float, float, float],
     kept: bool,
 ) -> Timed:
-    """Return the figures of a run, its table held to the first rows of the first run's; `sizes` in MB of all models."""
+    """Return the figures of a run, its table held to the first rows of the first run's.
+
+    `spent` is, for all models, what store and database grew by (MB) and the server's time on a core (seconds).
+    """
+    runner, detail, workers = way
     meshing = 0.0 if kept else float(table["seconds"].sum())
     common = first.iloc[: len(table)].reset_index(drop=True)
     return Timed(
         runner.value,
+        detail.value,
         workers,
         len(table),
         kept,
@@ -159,21 +187,23 @@ def _timed(
         60 * len(table) / seconds,
         meshing,
         (seconds * (1 if kept else workers) - meshing) / len(table),
-        sizes[0] / len(table),
-        sizes[1] / len(table),
+        *(one / len(table) for one in spent),
         int((~table["status"].isin(["fine", "below gate"])).sum()),
         table.drop(columns="seconds").equals(common.drop(columns="seconds")),
     )
 
 
 def _markdown(rows: Sequence[Timed]) -> str:
-    head = "| runner | workers | models | run | seconds | models/min | meshing, s | beside it, s per model |"
-    head += " store, MB per model | database, MB per model | failed | same rows |"
-    lines = [head, "| --- " + "| ---: " * 2 + "| --- " + "| ---: " * 7 + "| --- |"]
+    head = (
+        "| runner | task runs | workers | models | run | seconds | models/min | meshing, s | beside it, s per model |"
+    )
+    head += " store, MB per model | database, MB per model | server, s per model | failed | same rows |"
+    lines = [head, "| --- | --- " + "| ---: " * 2 + "| --- " + "| ---: " * 8 + "| --- |"]
     for row in rows:
-        cells = [row.runner, row.workers, row.models, "all kept" if row.kept else "cold", f"{row.seconds:.1f}"]
+        cells = [row.runner, row.detail, row.workers, row.models, "all kept" if row.kept else "cold"]
+        cells += [f"{row.seconds:.1f}"]
         cells += [f"{row.models_per_minute:.1f}", f"{row.meshing:.1f}", f"{row.overhead:.2f}"]
-        cells += [f"{row.stored:.2f}", f"{row.recorded:.3f}", row.failed]
+        cells += [f"{row.stored:.2f}", f"{row.recorded:.3f}", f"{row.server:.2f}", row.failed]
         lines.append("| " + " | ".join(map(str, [*cells, "yes" if row.same_rows else "**no**"])) + " |")
     return "\n".join(lines) + "\n"
 
@@ -193,16 +223,18 @@ def main(
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         home = Path(folder) / "prefect"
         home.mkdir()
-        environment = stack.enter_context(_server(home))
-        for runner, workers in RUNNERS:
+        environment, server = stack.enter_context(_server(home))
+        for way in RUNNERS:
+            runner, detail, workers = way
             number = count if runner is RunnerKind.PROCESSES else min(others or count, count)
-            name = f"{runner.value}-{workers}"
+            name = f"{runner.value}-{detail.value}-{workers}"
             place = Path(folder) / name
             manifest = Path(folder) / f"models-{number}.csv"
             sizes = [triangles + STEP * k for k in range(number)]
             pd.DataFrame({"model": "hemisphere", "triangles": sizes}).to_csv(manifest, index=False)
             options = ["--out", str(place), "--store", str(place / "store")]
-            options += ["--target-quads", str(target_quads), "--no-pictures", "--runner", runner.value]
+            options += ["--target-quads", str(target_quads), "--no-pictures"]
+            options += ["--runner", runner.value, "--detail", detail.value]
             with ExitStack() as helpers:
                 if runner is RunnerKind.WORKERS:
                     helpers.enter_context(_pool(name, workers, home, environment))
@@ -210,12 +242,13 @@ def main(
                 else:
                     options += ["--workers", str(workers)]
                 for kept in (False, True):
-                    before = _database(home)
+                    before = _database(home), _busy(server)
                     seconds = _run([str(manifest)], options, environment)
                     table = pd.read_parquet(place / TABLE)
                     first = table if first is None else first
-                    grown = _megabytes((place / "store").rglob("*")), _database(home) - before
-                    rows.append(_timed(runner, workers, seconds, table, first, sizes=grown, kept=kept))
+                    stored = _megabytes((place / "store").rglob("*"))
+                    spent = stored, _database(home) - before[0], _busy(server) - before[1]
+                    rows.append(_timed(way, seconds, table, first, spent=spent, kept=kept))
                     pd.DataFrame([asdict(row) for row in rows]).round(3).to_csv(out / "batch.csv", index=False)
                     (out / "batch-table.md").write_text(_markdown(rows), "utf-8")
                     typer.echo(f"{name} {'kept' if kept else 'cold'}: {seconds:.1f} s")
