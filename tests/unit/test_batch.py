@@ -83,6 +83,12 @@ def test_a_row_of_a_manifest_changes_its_own_options(folder, kind):
     assert second.source == "hemisphere"
 
 
+def test_policy_files_of_a_manifest_are_beside_it_and_names_are_names(folder):
+    path = manifest(folder, {"model": ["a.ply"] * 3, "subdomain.policy": ["own.safetensors", "rule", None]})
+    policies = [job.options.subdomain.policy for job in collect([path], OPTIONS)]
+    assert policies == [str(folder / "own.safetensors"), "rule", OPTIONS.subdomain.policy]
+
+
 def test_a_bad_row_is_refused_alone_and_says_where_it_is(folder):
     path = manifest(folder, {"model": ["a.ply", "", "b.stl"], "seed": ["x", 1, 2], "name": ["../up", None, None]})
     bad, empty, good = collect([path], OPTIONS)

@@ -128,6 +128,32 @@ def test_closed_polylines_are_read_and_open_ones_refused(suffix, tmp_path):
         read_outline(path)
 
 
+def test_segments_are_joined_and_more_than_one_curve_is_refused(tmp_path):
+    points = np.column_stack([OVAL, np.zeros(24)])
+    segments = [entry for k in range(24) for entry in (2, k, (k + 1) % 24)]
+    pv.PolyData(points, lines=segments).save(tmp_path / "a.vtp")
+    outline, _ = read_outline(tmp_path / "a.vtp")
+    assert {tuple(point) for point in outline.round(5)} == {tuple(point) for point in OVAL.round(5)}
+    pv.PolyData(points, lines=[13, *range(12), 0, 13, *range(12, 24), 12]).save(tmp_path / "b.vtp")
+    with pytest.raises(InputError, match="has 2 curves"):
+        read_outline(tmp_path / "b.vtp")
+    pv.PolyData(points).save(tmp_path / "c.vtp")
+    with pytest.raises(InputError, match="holds no polyline"):
+        read_outline(tmp_path / "c.vtp")
+
+
+@pytest.mark.parametrize("nodes", ["99", "-1"])
+def test_a_polyline_through_points_that_are_not_there_is_refused(tmp_path, nodes):
+    path = polyline(tmp_path / "a.vtp", OVAL, [*range(24), 0])
+    pv.read(path).save(path, binary=False)
+    content = path.read_text()
+    head, lines, rest = content.partition("<Lines>")
+    assert " 23" in rest
+    path.write_text(head + lines + rest.replace(" 23", f" {nodes}", 1))
+    with pytest.raises(InputError, match="points that are not in the file"):
+        read_outline(path)
+
+
 def test_a_picture_is_drawn(tmp_path):
     arguments = ["fill", str(write(tmp_path / "a.csv", OVAL)), "--out", str(tmp_path / "out")]
     assert CliRunner().invoke(app, arguments).exit_code == 0

@@ -11,6 +11,7 @@ from drl_meshgen.commands.settings import SettingsError, from_tables, to_toml
 from drl_meshgen.errors import InputError
 from drl_meshgen.models import is_generated
 from drl_meshgen.pipeline import MeshOptions
+from drl_meshgen.rl.policies import SUFFIX
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,7 +43,8 @@ def read_manifest(path: Path, options: MeshOptions, triangles: int) -> Iterator[
     """Yield the rows of a manifest (Parquet or CSV); empty cells keep `options` and `triangles` as they are.
 
     Columns are `model` (name, or path relative to the manifest), `name`, `triangles`, `target_quads`, `target_edge`,
-    `seed`, and any other option as `stage.field`. A row with a value that cannot be used is yielded with its refusal.
+    `seed`, and any other option as `stage.field` (a file of `subdomain.policy` relative to the manifest, too). A row
+    with a value that cannot be used is yielded with its refusal.
 
     Raises `InputError` for a file that is no table or has no rows, and for columns that are missing or unknown.
     """
@@ -107,6 +109,9 @@ def _entry(path: Path, cells: Mapping[str, Any], given: Mapping[str, Any], trian
     size = cells.get(TRIANGLES, triangles)
     if type(size) is not int:
         raise InputError(path.name, f"triangles cannot be {size!r}; it is a whole number")
+    policy = cells.get("subdomain.policy")
+    if isinstance(policy, str) and policy.endswith(SUFFIX):
+        tables["subdomain"]["policy"] = str(path.parent / policy)
     source = model if is_generated(model) else str(path.parent / model)
     return Entry(model, source, str(cells.get(NAME, "")), from_tables(tables, path), size, "")
 

@@ -1,17 +1,14 @@
 """Reading the boundary of a plane domain; whatever is wrong with it is said in one sentence."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
 from drl_meshgen.errors import InputError
+from drl_meshgen.models.reading import vtk_arrays
 from drl_meshgen.templates.domain import crossing_edges, signed_area
-
-if TYPE_CHECKING:
-    import pyvista as pv
 
 CURVE = "give one closed polyline"
 TABLES, CURVES = (".csv", ".parquet"), (".vtp", ".vtu")
@@ -57,36 +54,14 @@ def _from_table(path: Path) -> tuple[bool, np.ndarray]:
     return closed, points[:-1] if closed else points
 
 
-def _read(name: str, path: Path) -> "pv.DataSet":
-    """Read through VTK with its messages caught."""
-    import pyvista as pv
-
-    complaints: list[str] = []
-    with pv.vtk_verbosity("off"):
-        try:
-            reader = pv.get_reader(path)
-            reader.reader.AddObserver("ErrorEvent", lambda *_: complaints.append("error"))
-            mesh = reader.read()
-        except (RuntimeError, ValueError, OSError):
-            raise InputError(name, f"is not a readable {path.suffix[1:].upper()} file", "write it again") from None
-    if complaints:
-        raise InputError(name, f"damaged or truncated {path.suffix[1:].upper()} file", "write it again")
-    return mesh
-
-
 def _from_curve(path: Path) -> tuple[bool, np.ndarray]:
-    import pyvista as pv
-
-    data = _read(path.name, path)
-    if isinstance(data, pv.UnstructuredGrid):
-        data = data.extract_surface(pass_pointid=False, pass_cellid=False, algorithm=None)
-    if not isinstance(data, pv.PolyData) or not data.n_lines:
+    read = vtk_arrays(path)
+    curves = len(read["curve_starts"]) - 1
+    if not curves:
         raise InputError(path.name, "holds no polyline", CURVE)
-    curve = data.strip(join=True, max_length=10 * MOST)
-    if curve.n_lines != 1:
-        raise InputError(path.name, f"has {curve.n_lines} curves", CURVE)
-    ids = np.asarray(curve.lines)[1:]
-    points = np.asarray(curve.points, np.float64)[ids]
+    if curves > 1:
+        raise InputError(path.name, f"has {curves} curves", CURVE)
+    points = read["curve_points"].astype(np.float64)[read["curve_nodes"]]
     if np.ptp(points[:, 2]) > 1e-9 * np.ptp(points, axis=0).max():
         raise InputError(path.name, "is not in a plane of constant z", "project it")
     if (points[0] != points[-1]).any():

@@ -98,8 +98,8 @@ def _ply_arrays(name: str, data: bytes) -> dict[str, np.ndarray]:
         raise InputError(name, "damaged or truncated PLY file", EXPORT_AGAIN) from None
 
 
-def _read_with_vtk(path: Path, more: Mapping[str, np.ndarray]) -> RawSurface:
-    """Return the triangles of a file that VTK reads, with its scalars of points and `more` of them."""
+def vtk_arrays(path: Path) -> dict[str, np.ndarray]:
+    """Return what `vtk_reader.py` says of a file that VTK reads; raises `InputError` where it is damaged."""
     name, kind = path.name, path.suffix[1:].upper()
     limit = _PATIENCE + _PER_MEGABYTE * path.stat().st_size / 1e6
     try:
@@ -108,6 +108,12 @@ def _read_with_vtk(path: Path, more: Mapping[str, np.ndarray]) -> RawSurface:
         raise InputError(name, f"was not read within {limit:.0f} s, it seems damaged", EXPORT_AGAIN) from None
     if code:
         raise InputError(name, _VTK_DEFECTS.get(code, f"damaged or truncated {kind} file"), EXPORT_AGAIN)
+    return read
+
+
+def _read_with_vtk(path: Path, more: Mapping[str, np.ndarray]) -> RawSurface:
+    """Return the triangles of a file that VTK reads, with its scalars of points and `more` of them."""
+    read = vtk_arrays(path)
     points = read["points"]
     arrays = {key.removeprefix(AT): values for key, values in read.items() if key.startswith(AT)} | dict(more)
     scalars = {k: a for k, a in arrays.items() if a.shape == (len(points),) and a.dtype.kind in "iuf"}

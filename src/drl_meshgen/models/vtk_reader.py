@@ -1,8 +1,9 @@
-"""VTK reading one surface, in a process of its own: `python vtk_reader.py FILE OUT`.
+"""VTK reading one surface or curve, in a process of its own: `python vtk_reader.py FILE OUT`.
 
 OUT (`.npz`) gets `points`, `triangles`, and the scalars of points as `at_NAME`; polygons and cells are triangulated.
-The exit code is 2 where VTK complained, 3 where cells refer to points that are not there, 4 where faces have fewer
-than three corners. Nothing else of the package is imported.
+Lines, joined where they meet, become `curve_points`, `curve_nodes` (ids of all curves, one after the other) and
+`curve_starts` (where each begins, and the end). The exit code is 2 where VTK complained, 3 where cells refer to points
+that are not there, 4 where faces have fewer than three corners. Nothing else of the package is imported.
 """
 
 import resource
@@ -57,20 +58,46 @@ def _check(data: Any) -> None:
 
 
 def _surface(data: Any) -> Any:
-    """Return the triangles of the outer surface."""
-    if not isinstance(data, vtkPolyData):
-        from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
-
-        outer = vtkDataSetSurfaceFilter()
-        outer.SetInputData(data)
-        outer.Update()
-        data = outer.GetOutput()
+    """Return the triangles of an outer surface."""
     triangulate = vtkTriangleFilter()
     triangulate.SetInputData(data)
     triangulate.PassVertsOff()
     triangulate.PassLinesOff()
     triangulate.Update()
     return triangulate.GetOutput()
+
+
+def _outer(data: Any) -> Any:
+    """Return the outer surface of a grid, with its lines."""
+    if isinstance(data, vtkPolyData):
+        return data
+    from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
+
+    outer = vtkDataSetSurfaceFilter()
+    outer.SetInputData(data)
+    outer.Update()
+    return outer.GetOutput()
+
+
+def _curves(data: Any) -> dict[str, np.ndarray]:
+    """Return the lines, joined where they meet."""
+    points, nodes, starts = np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(1, np.int64)
+    if data.GetNumberOfLines():
+        from vtkmodules.vtkFiltersCore import vtkStripper
+
+        lines = vtkPolyData()
+        lines.SetPoints(data.GetPoints())
+        lines.SetLines(data.GetLines())
+        join = vtkStripper()
+        join.SetInputData(lines)
+        join.JoinContiguousSegmentsOn()
+        join.SetMaximumLength(join.GetMaximumLengthMaxValue())
+        join.Update()
+        joined = join.GetOutput()
+        points = vtk_to_numpy(joined.GetPoints().GetData())
+        nodes = vtk_to_numpy(joined.GetLines().GetConnectivityArray())
+        starts = vtk_to_numpy(joined.GetLines().GetOffsetsArray())
+    return {"curve_points": points, "curve_nodes": nodes, "curve_starts": starts}
 
 
 def main() -> None:
@@ -80,13 +107,14 @@ def main() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (most, most))
     data = _read(path)
     _check(data)
-    surface = _surface(data)
+    outer = _outer(data)
+    surface = _surface(outer)
     n = surface.GetNumberOfPoints()
     points = vtk_to_numpy(surface.GetPoints().GetData()) if n else np.zeros((0, 3))
     cells = vtk_to_numpy(surface.GetPolys().GetConnectivityArray())
     if len(cells) != 3 * surface.GetNumberOfPolys():
         sys.exit(4)
-    arrays = {}
+    arrays = _curves(outer)
     at = surface.GetPointData()
     for k in range(at.GetNumberOfArrays()):
         array = at.GetArray(k)
