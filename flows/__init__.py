@@ -2,6 +2,14 @@
 
 import logging
 import os
+import sys
+from collections.abc import Callable
+from typing import Any
+
+_LOADING = sys.argv[:1] == ["-m"] and sys.stderr.isatty()  # `python -m flows...` has this before it loads the flow
+if _LOADING:
+    sys.stderr.write("loading Prefect ...")
+    sys.stderr.flush()
 
 os.environ.setdefault("DO_NOT_TRACK", "1")
 os.environ.setdefault("PREFECT_SERVER_ANALYTICS_ENABLED", "false")
@@ -15,3 +23,12 @@ def _without_empty_traceback(record: logging.LogRecord) -> bool:
 
 
 logging.getLogger("prefect.task_runs").addFilter(_without_empty_traceback)
+
+
+def run_command(main: Callable[..., Any]) -> None:
+    """Run the command line of a flow, once all that it needs is loaded."""
+    import typer
+
+    if _LOADING:
+        sys.stderr.write("\r\x1b[2K")
+    typer.run(main)

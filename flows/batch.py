@@ -30,7 +30,7 @@ from drl_meshgen.models import is_generated
 from drl_meshgen.pipeline import MeshOptions, ModelOptions
 from drl_meshgen.report import OURS
 from drl_meshgen.store import ArtifactRef, Store
-from flows import dashboard
+from flows import dashboard, run_command
 from flows.chain import Detail, Outcome, Trouble
 from flows.runners import Runner, RunnerKind, dask, processes, shards, submitted
 from flows.server import connected
@@ -453,6 +453,6 @@ def main(
 
 
 if __name__ == "__main__":
-    from flows.batch import main as command  # under its own name, by which other processes import its tasks
+    from flows.batch import main as own  # under its own name, by which other processes import its tasks
 
-    typer.run(command)
+    run_command(own)

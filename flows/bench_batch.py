@@ -17,6 +17,7 @@ import psutil
 import typer
 
 from drl_meshgen.batch import TABLE
+from flows import run_command
 from flows.chain import Detail
 from flows.runners import RunnerKind
 from flows.server import start
@@ -255,4 +256,4 @@ def main(
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    run_command(main)

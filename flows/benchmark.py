@@ -33,7 +33,7 @@ from drl_meshgen.pipeline import STAGES, ModelOptions
 from drl_meshgen.report import OURS
 from drl_meshgen.store import Store
 from drl_meshgen.store.canonical import canonical, digest
-from flows import dashboard
+from flows import dashboard, run_command
 from flows.server import connected
 from flows.surface import Surfaced, mesh_surface
 from tasks.progress import counted
@@ -194,4 +194,4 @@ def main(
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    run_command(main)

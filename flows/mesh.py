@@ -17,7 +17,7 @@ from drl_meshgen.errors import FINE, INTERNAL, MeshgenError, disk_sentence, over
 from drl_meshgen.pipeline import COMPARED_STAGES, ModelOptions
 from drl_meshgen.report import OURS, slug
 from drl_meshgen.store import ArtifactRef, Store, reopen
-from flows import dashboard
+from flows import dashboard, run_command
 from flows.chain import Outcome
 from flows.server import connected
 from flows.surface import Surfaced, mesh_surface, meshed
@@ -199,4 +199,4 @@ def _told(state: State[list[Outcome]], store: Store, api: str, report: Path) -> 
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    run_command(main)

@@ -18,6 +18,7 @@ from drl_meshgen.errors import FINE, InputError
 from drl_meshgen.export import read_table
 from drl_meshgen.report import palette
 from drl_meshgen.report.plane import new_figure
+from flows import run_command
 from flows.pictures import jpeg
 from flows.server import connected
 from tasks.progress import shown
@@ -142,4 +143,4 @@ def main(
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    run_command(main)

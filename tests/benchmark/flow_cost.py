@@ -107,6 +107,7 @@ def main():
         show("warm run of three models, the first in a process", warm(report[1]))
         show("warm run of three models, in one process", least(lambda: warm(report[1])))
         show("warm run of three models, as a command", least(lambda: command(*flow, *report)))
+    show("python -m flows.mesh, to the first sign", least(lambda: first_sign(*flow)))
     show("drl-meshgen --help", least(lambda: command(tool, "--help")))
     show("drl-meshgen store ls", least(lambda: command(tool, "store", "ls")))
     plan = ("store", "plan", "hand", "--target-quads", str(QUADS))

@@ -1,5 +1,10 @@
 """The mesh flow on a real surface."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 
 from drl_meshgen.baselines import RivalOptions
@@ -11,6 +16,8 @@ from drl_meshgen.store import Store
 from drl_meshgen.store.catalogue import Catalogue
 from flows.mesh import mesh, outcomes_of
 from flows.surface import TASKS
+
+ROOT = Path(__file__).parents[2]
 
 SMALL = {"target_quads": 300, "triangles": 5000}
 
@@ -45,3 +52,15 @@ def test_the_flow_and_the_library_leave_the_same_bytes_and_a_bad_file_spoils_not
     assert list(table.index) == ["drl-meshgen", *(method.value for method in RivalOptions().chosen)]
     assert (table["seconds"][table["ok"]] > 0).all()
     assert table["ok"]["Gmsh transfinite"]
+
+
+def test_a_terminal_is_told_at_once_that_prefect_is_being_loaded():
+    command = [sys.executable, "-m", "flows.mesh", "--help"]
+    ours, theirs = os.openpty()
+    done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=theirs, text=True, check=True)
+    told = os.read(ours, 1000).decode()
+    os.close(ours)
+    os.close(theirs)
+    assert told == "loading Prefect ...\r\x1b[2K"  # nothing of it stays
+    assert "Usage" in done.stdout
+    assert subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stderr == ""
