@@ -28,7 +28,7 @@ ARG TORCH=torch==2.13.0
 RUN pip install --no-cache-dir "${TORCH}"
 COPY pyproject.toml README.md ./
 COPY src src
-RUN pip install --no-cache-dir -c constraints.txt ".[flow]"
+RUN pip install --no-cache-dir -c constraints.txt ".[flow,s3]"
 
 COPY tasks tasks
 COPY flows flows
