@@ -26,7 +26,7 @@ class Detail(Enum):
     STAGES = "stages"
     """Every stage of every surface, as a task."""
     MODELS = "models"
-    """Nothing below what calls `run_chain`: a server spends 50 ms on each task run, which thousands of models feel."""
+    """Nothing below what calls `run_chain`: a server spends 30 ms on each task run, which thousands of models feel."""
 
 
 class OverError(TimeoutError):
