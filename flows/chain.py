@@ -29,7 +29,7 @@ class Detail(Enum):
     """Nothing below what calls `run_chain`: a server spends 30 ms on each task run, which thousands of models feel."""
 
 
-class OverError(TimeoutError):
+class TimeOverError(TimeoutError):
     """The time of a surface is over."""
 
 
@@ -78,7 +78,7 @@ def run_chain(
         seconds = None if end is None else max(end - time.monotonic(), 0.001)
         try:
             ended = run(task, seconds, surface, dict(refs), options[name], store)
-        except OverError:
+        except TimeOverError:
             sentence = f"{surface}: stage {name} was not done when {limit:g} seconds were over"
             return Outcome(surface, _artifacts(refs), sentence, INTERNAL, trouble=Trouble.TOO_LONG)
         if isinstance(ended, BaseException):
@@ -88,12 +88,12 @@ def run_chain(
 
 
 def _as_task(task: Task[..., str], seconds: float | None, *given: object) -> str | BaseException:
-    """Return what a task run returns or ends with; raises `OverError` where it takes more than so many seconds."""
+    """Return what a task run returns or ends with; raises `TimeOverError` where it takes more than so many seconds."""
     own = copy(task)  # `with_options` would refuse its storage
     own.timeout_seconds = seconds
     state = own(*given, return_state=True)
     if state.name == TIMED_OUT:
-        raise OverError
+        raise TimeOverError
     return state.result(raise_on_failure=False)
 
 
@@ -102,9 +102,9 @@ def _as_function(task: Task[..., str], seconds: float | None, *given: object) ->
     left = RETRIES
     while True:
         try:
-            with timeout(seconds, OverError):
+            with timeout(seconds, TimeOverError):
                 return task.fn(*given)
-        except OverError:
+        except TimeOverError:
             raise
         except Exception as error:  # noqa: BLE001 - the outcome tells of it
             if not (left and machine_failed(error)):
