@@ -304,31 +304,34 @@ def batch(
         own.work = replace(own.work, detail=Detail.MODELS)
     count = workers or os.cpu_count() or 1
     get_run_logger().info("%d models, %d of them to be meshed", len(own.jobs), len(own.pending))
-    with counted(f"batch {flow_run.name}", "models meshed", len(own.pending)) as advance:
-        if runner is RunnerKind.WORKERS:
-            given = {
-                "models": [model if is_generated(model) else str(Path(model).absolute()) for model in models],
-                "out": str(Path(out).absolute()),
-                "target_quads": target_quads,
-                "triangles": triangles,
-                "seed": seed,
-                "config": None if config is None else str(Path(config).absolute()),
-                "store": str(place.root.absolute()),
-                "compare": compare,
-                "meshes": meshes,
-                "pictures": pictures,
-                "limit": limit,
-                "detail": own.work.detail.value,
-            }
-            _mesh_in_shards(own, own.pending, shard_size, deployment, given)
-        elif runner is RunnerKind.HERE:
-            for _ in _mesh_here(own, own.pending):
-                advance()
-        else:
-            made = processes if runner is RunnerKind.PROCESSES else dask(dask_address)
-            for _ in _mesh_by(made, count, own, own.pending):
-                advance()
-    own.rows.write_table(jobs)
+    try:
+        with counted(f"batch {flow_run.name}", "models meshed", len(own.pending)) as advance:
+            if runner is RunnerKind.WORKERS:
+                given = {
+                    "models": [model if is_generated(model) else str(Path(model).absolute()) for model in models],
+                    "out": str(Path(out).absolute()),
+                    "target_quads": target_quads,
+                    "triangles": triangles,
+                    "seed": seed,
+                    "config": None if config is None else str(Path(config).absolute()),
+                    "store": str(place.root.absolute()),
+                    "compare": compare,
+                    "meshes": meshes,
+                    "pictures": pictures,
+                    "limit": limit,
+                    "detail": own.work.detail.value,
+                }
+                _mesh_in_shards(own, own.pending, shard_size, deployment, given)
+            elif runner is RunnerKind.HERE:
+                for _ in _mesh_here(own, own.pending):
+                    advance()
+            else:
+                made = processes if runner is RunnerKind.PROCESSES else dask(dask_address)
+                for _ in _mesh_by(made, count, own, own.pending):
+                    advance()
+    finally:  # the table has what was done, whatever ends this
+        undone = set(own.lost(own.pending))
+        own.rows.write_table([job for job in jobs if job.name not in undone])
     rows = {name: row for name in own.jobs if (row := own.rows.read(name)) is not None}
     shown = [_shown(name, row, Path(out) / "meshes" / name) for name, row in rows.items()]
     dashboard.show_run(str(flow_run.name), shown, folder=out, key="batch")

@@ -199,6 +199,18 @@ def test_a_batch_that_is_told_to_end_ends_at_once_with_its_processes(models, ser
     assert not [pid for pid in meshing if runs(pid)]
 
 
+def test_a_batch_that_is_told_to_end_leaves_the_table_of_what_was_done(models, server, tmp_path, monkeypatch):
+    monkeypatch.setenv("PREFECT_API_URL", server)
+    out = tmp_path / "out"
+    write_surface_ply(models / "second.ply", generate("hemisphere", 6000))
+    process = command(out, tmp_path / "store", [models / "cap.ply", models / "second.ply"])
+    until(process, (out / "rows/second.begun").exists)
+    process.terminate()
+    process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert pd.read_parquet(out / "batch.parquet")["name"].tolist() == ["cap"]
+
+
 def test_a_watched_folder_is_meshed_as_it_fills(models, server, tmp_path, monkeypatch):
     monkeypatch.setenv("PREFECT_API_URL", server)
     out, store = tmp_path / "out", tmp_path / "store"

@@ -176,14 +176,14 @@ class Rows:
         """Tell whether a model was begun and never ended."""
         return self._mark(name).exists()
 
-    def write_table(self, jobs: Iterable[Job]) -> Path:
-        """Write the table with a row per job that has one, in the order of the jobs, and return its path.
+    def write_table(self, jobs: Iterable[Job]) -> None:
+        """Write the table with a row per job that has one, in the order of the jobs; nothing where none has.
 
         The same rows give the same bytes.
         """
-        known = [(job, self.read(job.name)) for job in jobs]
-        write_table(self._out / TABLE, table_of([(job, row) for job, row in known if row is not None]))
-        return self._out / TABLE
+        known = [(job, row) for job in jobs if (row := self.read(job.name)) is not None]
+        if known:
+            write_table(self._out / TABLE, table_of(known))
 
     def _path(self, name: str) -> Path:
         return self._folder / f"{name}.json"
