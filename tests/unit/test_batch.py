@@ -6,7 +6,7 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from drl_meshgen.batch import Job, Row, Rows, Status, Watch, collect, keys_of
+from drl_meshgen.batch import TABLE, Job, Row, Rows, Status, Watch, collect, keys_of
 from drl_meshgen.batch.rows import METRICS, table_of
 from drl_meshgen.errors import InputError
 from drl_meshgen.pipeline import MeshOptions, run
@@ -195,9 +195,14 @@ def test_the_table_has_the_same_columns_whatever_came_of_the_models(tmp_path):
     assert list(failed[["name", "source", "status", "exit_code"]].iloc[0]) == ["a", "a.ply", "failed", 1]
     assert failed["quads"].isna().all()
     rows = Rows(tmp_path, Store(tmp_path / "store"))
+    table = tmp_path / TABLE
+    rows.write_table([job()])
+    assert not table.exists()
     rows.write("a", Row("key", Status.FAILED, 1, "a: no"))
-    before = rows.write_table([job()]).read_bytes()
-    assert rows.write_table([job(), job("b")]).read_bytes() == before
+    rows.write_table([job()])
+    before = table.read_bytes()
+    rows.write_table([job(), job("b")])
+    assert table.read_bytes() == before
 
 
 def test_the_metrics_of_the_table_are_those_of_a_mesh():
