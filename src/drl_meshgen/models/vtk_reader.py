@@ -79,7 +79,7 @@ def _outer(data: Any) -> Any:
     return outer.GetOutput()
 
 
-def _curves(data: Any) -> dict[str, np.ndarray]:
+def _curves(data: Any) -> dict[str, Any]:
     """Return the lines, joined where they meet."""
     points, nodes, starts = np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(1, np.int64)
     if data.GetNumberOfLines():
