@@ -37,6 +37,8 @@ COPY prefect.yaml ./
 RUN mkdir -p artifacts reports/generated models \
     && chown -R meshgen artifacts reports
 USER meshgen
+# Compiles kernels, which the first mesh of every container would wait for; an image that cannot mesh is not built.
+RUN drl-meshgen mesh hemisphere --triangles 5000 --target-quads 100 --no-pictures --out /tmp/first && rm -r /tmp/first
 VOLUME ["/app/artifacts", "/app/reports/generated"]
 EXPOSE 4300
 CMD ["prefect", "worker", "start", "--pool", "local", "--type", "process"]

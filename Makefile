@@ -27,6 +27,9 @@ $(STAMP): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check $(TORCH)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[flow,s3,scale,rl,dev]'
+	@echo "compiling kernels, once per installation"
+	@folder=$$(mktemp -d) && $(BIN)/drl-meshgen mesh hemisphere --triangles 5000 --target-quads 100 --no-pictures \
+		--out $$folder >/dev/null; rm -r $$folder
 	touch $@
 
 # System libraries that gmsh, pymeshlab and VTK load; asked for only where some are missing and apt can be used.
