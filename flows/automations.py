@@ -13,6 +13,8 @@ from prefect.events.actions import ChangeFlowRunState
 from prefect.events.schemas.automations import Posture
 from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY
 
+from flows import run_command
+
 BEAT = "prefect.flow-run.heartbeat"
 TAKEN, BEGUN = "prefect.flow-run.Pending", "prefect.flow-run.Running"
 """What the server tells when a worker takes a run, and when its process has loaded the flow."""
@@ -59,4 +61,4 @@ def register() -> None:
 
 
 if __name__ == "__main__":
-    register()
+    run_command(register)

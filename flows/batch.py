@@ -291,9 +291,9 @@ def batch(
     of the batch: `batch.parquet` with a row per model, `meshes` with a folder per model, `rows` to go on from.
     `target_quads`, `triangles`, `seed` and `config` are as for `mesh`; rows of a manifest have the last word. `limit`
     is how long one model may take (seconds). `runner` says who meshes: `workers` processes or Dask workers (default:
-    one per core), or the work pool of `deployment` in shards of `shard_size` models; `detail` says
-    what is a task run of its own (default: every stage, of more than 500 models every model); `names` are those of the
-    batch that are meshed (default: all). The table has the exit codes.
+    one per core), or the work pool of `deployment` in shards of `shard_size` models; `detail` says what
+    is a task run of its own (default: every stage, of more than 500 models every model); `names` are those of the batch
+    that are meshed (default: all). The table has the exit codes.
     """
     options = chosen(None if config is None else Path(config), target_quads=target_quads, seed=seed)
     place = Store(store)
